@@ -1,0 +1,10 @@
+//! Numbers and measures; knows nothing of light, surfaces or scenes.
+
+pub mod distribution;
+pub mod float;
+pub mod frame;
+pub mod rgb;
+pub mod warp;
+
+pub use frame::Frame;
+pub use rgb::Rgb;

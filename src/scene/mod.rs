@@ -1,0 +1,66 @@
+//! From a file to a [`Scene`] that can be rendered.
+
+pub mod camera;
+pub mod material;
+
+pub use camera::Camera;
+pub use material::{Material, MaterialId};
+
+use crate::emitter::{EmitterId, Emitters};
+use crate::geometry::Geometry;
+
+/// What a part of the geometry is made of and whether it shines.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// Its material.
+    pub material: MaterialId,
+    /// Its emitter, if it shines.
+    pub emitter: Option<EmitterId>,
+}
+
+/// The picture's size, and the part of it to render.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FilmSettings {
+    /// Pixels across the whole film.
+    pub width: u32,
+    /// Pixels down the whole film.
+    pub height: u32,
+    /// First column, first row, columns and rows to render.
+    pub crop: [u32; 4],
+}
+
+/// How long paths may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PathLimits {
+    /// Longest path in edges, as Mitsuba counts: 1 shows emitters only, 2 adds direct light; `None` is no limit.
+    pub max_depth: Option<u32>,
+    /// Russian roulette starts at this depth (Mitsuba's default is 5).
+    pub rr_depth: u32,
+    /// Are emitters invisible to the camera?
+    pub hide_emitters: bool,
+}
+
+/// Everything a renderer needs to know.
+#[derive(Debug)]
+pub struct Scene {
+    /// All shapes.
+    pub geometry: Geometry,
+    /// One entry a part of `geometry`.
+    pub surfaces: Vec<Surface>,
+    /// Materials, found by [`MaterialId`].
+    pub materials: Vec<Material>,
+    /// All light.
+    pub emitters: Emitters,
+    /// The point of view.
+    pub camera: Camera,
+    /// The picture.
+    pub film: FilmSettings,
+    /// Path lengths.
+    pub limits: PathLimits,
+    /// Samples per pixel that the file asks for.
+    pub samples: u32,
+    /// What was subtracted from every world position at load, so that single precision serves far from the origin.
+    pub origin: glam::DVec3,
+    /// What the reader should know: plugins without effect, triangles left out.
+    pub warnings: Vec<String>,
+}
