@@ -1,3 +1,7 @@
-//! The command line.
+//! The command line of Quietlight.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    quietlight::cli::run()
+}

@@ -1,3 +1,7 @@
-//! Laws of the whole system.
+//! Laws of the whole system, in one binary: one link, and one place for what they share.
 
+mod analytic;
+mod determinism;
+mod equal_energy;
+mod extremes;
 mod support;

@@ -70,4 +70,14 @@ impl Emitters {
     pub fn environment_pdf(&self, _direction: Vec3) -> f32 {
         todo!()
     }
+
+    /// Are there none?
+    pub fn is_empty(&self) -> bool {
+        todo!()
+    }
+
+    /// Is there one that a camera could see: an area emitter or an environment?
+    pub fn has_visible(&self) -> bool {
+        todo!()
+    }
 }

@@ -13,4 +13,9 @@ impl Camera {
     pub fn ray(&self, _raster: Vec2, _lens: Vec2) -> Ray {
         todo!()
     }
+
+    /// Radius of the lens, in scene units; 0 for a pinhole.
+    pub fn lens_radius(&self) -> f32 {
+        todo!()
+    }
 }

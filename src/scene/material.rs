@@ -30,4 +30,14 @@ impl Material {
     pub fn opacity(&self, _at: &Interaction) -> f32 {
         todo!()
     }
+
+    /// Does it scatter by diffuse lobes only?
+    pub fn is_diffuse_only(&self) -> bool {
+        todo!()
+    }
+
+    /// Does it have a delta lobe?
+    pub fn has_delta(&self) -> bool {
+        todo!()
+    }
 }

@@ -5,9 +5,11 @@ pub mod material;
 pub mod mesh_file;
 pub mod obj;
 pub mod ply;
+mod requirements;
 
 pub use camera::Camera;
 pub use material::{Material, MaterialId};
+pub use requirements::Requirements;
 
 use crate::emitter::{EmitterId, Emitters};
 use crate::geometry::Geometry;
@@ -60,6 +62,8 @@ pub struct Scene {
     pub film: FilmSettings,
     /// Path lengths.
     pub limits: PathLimits,
+    /// Does any material let rays pass unscattered?
+    pub has_masks: bool,
     /// Samples per pixel that the file asks for.
     pub samples: u32,
     /// What was subtracted from every world position at load, so that single precision serves far from the origin.

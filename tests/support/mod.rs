@@ -7,6 +7,7 @@
 pub(crate) mod chi_square;
 pub(crate) mod mean;
 pub(crate) mod random;
+pub(crate) mod scenes;
 pub(crate) mod sphere;
 
 /// Probability that a family of tests refuses correct code.

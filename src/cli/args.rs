@@ -1,0 +1,207 @@
+//! What can be typed.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Renders a scene by Monte Carlo path tracing and takes the noise out.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 100)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Render a scene, denoise it, and write an EXR with all layers and a PNG
+    Render(Render),
+    /// Denoise an EXR with feature buffers, of this or another renderer
+    Denoise(Denoise),
+    /// Score an image against a reference: relative L2, 1 - SSIM, FLIP, PSNR
+    Compare(Compare),
+    /// Show what a scene requires, and what will therefore run
+    Inspect(Inspect),
+    /// Check this machine: threads, SIMD, and a small render from end to end
+    Doctor,
+    /// Print a completion script for a shell
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Which scene, and how it is changed on loading.
+#[derive(Args, Debug)]
+pub(super) struct SceneArguments {
+    /// Mitsuba 3 scene (.xml), plain .obj with .mtl, or a folder with a scene.xml
+    pub(super) scene: PathBuf,
+    /// Set a <default> of the scene, such as -D max_depth=8
+    #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = definition)]
+    pub(super) definitions: Vec<(String, String)>,
+    /// Picture size, such as 640x480, instead of the scene's
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(super) size: Option<(u32, u32)>,
+    /// Longest path in edges (1: emitters only, 2: direct light), instead of the scene's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) max_depth: Option<u32>,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct Render {
+    #[command(flatten)]
+    pub(super) scene: SceneArguments,
+    /// EXR to write [default: the scene's name in the current folder]; a PNG is written beside it
+    #[arg(short, long, value_name = "FILE.exr")]
+    pub(super) output: Option<PathBuf>,
+    /// Samples per pixel, instead of the scene's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub(super) spp: Option<u32>,
+    /// What takes the noise out
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) denoiser: Denoiser,
+    /// Same seed, same bits, at any number of threads
+    #[arg(long, default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
+    /// Where random numbers come from
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) sampler: Sampler,
+    /// How direct light is found
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) strategy: Strategy,
+    /// Also write the two independent halves of every layer
+    #[arg(long)]
+    pub(super) halves: bool,
+    /// Brighten the PNG by this many stops
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub(super) exposure: f32,
+    /// Run one sample again and print its path: column, row, sample index
+    #[arg(long, value_name = "X,Y,SAMPLE", value_parser = replay)]
+    pub(super) replay: Option<[u32; 3]>,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct Denoise {
+    /// EXR with colour, and albedo, normal, position, variance where there are any
+    pub(super) input: PathBuf,
+    /// EXR to write; a PNG is written beside it
+    #[arg(short, long, value_name = "FILE.exr")]
+    pub(super) output: PathBuf,
+    /// Albedo in a file of its own
+    #[arg(long, value_name = "FILE")]
+    pub(super) albedo: Option<PathBuf>,
+    /// Normal in a file of its own
+    #[arg(long, value_name = "FILE")]
+    pub(super) normal: Option<PathBuf>,
+    /// Threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
+    /// Brighten the PNG by this many stops
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub(super) exposure: f32,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct Compare {
+    /// Image to judge
+    pub(super) image: PathBuf,
+    /// What it should be; it is the denominator of the relative error
+    pub(super) reference: PathBuf,
+    /// Which layer of the image to judge, such as `noisy` [default: the picture]
+    #[arg(long, value_name = "NAME")]
+    pub(super) layer: Option<String>,
+    /// Write the FLIP error of every pixel as a PNG, in false colour from black (0) to pale yellow (1)
+    #[arg(long, value_name = "FILE.png")]
+    pub(super) map: Option<PathBuf>,
+    /// Print the scores as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct Inspect {
+    #[command(flatten)]
+    pub(super) scene: SceneArguments,
+    /// Print the facts as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Denoiser {
+    /// The best there is: the cross-bilateral filter
+    #[default]
+    Auto,
+    /// Leave the noise in
+    None,
+    /// Cross-bilateral filter with constant parameters
+    Bilateral,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Sampler {
+    /// Owen-scrambled Sobol points
+    #[default]
+    Sobol,
+    /// Independent random numbers
+    Independent,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Strategy {
+    /// Choosing points on emitters and walking into them, weighted
+    #[default]
+    Mis,
+    /// Only choosing points on emitters
+    Light,
+    /// Only walking into emitters
+    Bsdf,
+}
+
+fn definition(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
+        _ => Err("expected NAME=VALUE".to_owned()),
+    }
+}
+
+fn size(text: &str) -> Result<(u32, u32), String> {
+    text.split_once('x')
+        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)))
+        .filter(|&(width, height)| width > 0 && height > 0)
+        .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 640x480".to_owned())
+}
+
+fn replay(text: &str) -> Result<[u32; 3], String> {
+    let numbers: Vec<u32> = text.split(',').map_while(|number| number.trim().parse().ok()).collect();
+    numbers.try_into().map_err(|_| "expected three whole numbers: column,row,sample".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_well_formed() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn values_that_do_not_parse_are_refused() {
+        assert_eq!(size("640x480"), Ok((640, 480)));
+        assert!(size("0x4").is_err() && size("640").is_err());
+        assert_eq!(definition("a=b=c"), Ok(("a".to_owned(), "b=c".to_owned())));
+        assert!(definition("=1").is_err() && definition("a").is_err());
+        assert_eq!(replay("1, 2,3"), Ok([1, 2, 3]));
+        assert!(replay("1,2").is_err() && replay("1,2,x").is_err());
+    }
+}

@@ -1,0 +1,74 @@
+//! `quietlight inspect`: what a scene requires, and what will therefore run.
+
+use super::Failure;
+use super::args::Inspect;
+use super::render::load;
+use crate::film::Film;
+use crate::geometry::Part;
+use crate::scene::Requirements;
+use quietlight_denoise::LayerKind;
+
+const LAYERS: [LayerKind; 9] = [
+    LayerKind::Beauty,
+    LayerKind::Diffuse,
+    LayerKind::Specular,
+    LayerKind::Albedo,
+    LayerKind::Normal,
+    LayerKind::Position,
+    LayerKind::Depth,
+    LayerKind::Texture2,
+    LayerKind::Visibility,
+];
+
+pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
+    let scene = load(&arguments.scene)?;
+    let requirements = Requirements::of(&scene);
+    let parts = scene.geometry.parts();
+    let triangles: usize =
+        parts.iter().map(|part| if let Part::Mesh(mesh) = part { mesh.triangles.len() } else { 0 }).sum();
+    let analytic = parts.iter().filter(|part| !matches!(part, Part::Mesh(_))).count();
+    let layers: Vec<String> = LAYERS
+        .iter()
+        .filter(|&&layer| requirements.needs(layer))
+        .map(|layer| format!("{layer:?}").to_lowercase())
+        .collect();
+    let [_, _, width, height] = scene.film.crop;
+    let megabytes = |bytes: u64| bytes as f64 / 1e6;
+    let film = megabytes(Film::bytes(scene.film, &requirements));
+    let tree = megabytes(scene.geometry.bytes() as u64);
+    if arguments.json {
+        let json = serde_json::json!({
+            "width": width,
+            "height": height,
+            "samples": scene.samples,
+            "max_depth": scene.limits.max_depth,
+            "rr_depth": scene.limits.rr_depth,
+            "parts": parts.len(),
+            "triangles": triangles,
+            "analytic_shapes": analytic,
+            "materials": scene.materials.len(),
+            "emitters": scene.emitters.len(),
+            "has_specular": requirements.has_specular,
+            "has_delta": requirements.has_delta,
+            "has_masks": requirements.has_masks,
+            "has_defocus": requirements.has_defocus,
+            "layers": layers,
+            "film_megabytes": film,
+            "tree_megabytes": tree,
+            "warnings": scene.warnings,
+        });
+        println!("{json:#}");
+        return Ok(());
+    }
+    let depth = scene.limits.max_depth.map_or("without limit".to_owned(), |depth| format!("up to {depth} edges"));
+    println!("picture     {width}x{height}, {} samples per pixel, paths {depth}", scene.samples);
+    println!("geometry    {} parts: {triangles} triangles, {analytic} analytic shapes; {tree:.1} MB", parts.len());
+    println!("materials   {}{}", scene.materials.len(), if requirements.has_delta { ", some delta" } else { "" });
+    println!("emitters    {}", scene.emitters.len());
+    println!("integrator  path tracing, light and BSDF sampling weighted by the power heuristic");
+    println!("layers      {} ({film:.1} MB)", layers.join(", "));
+    for line in requirements.left_out() {
+        println!("left out    {line}");
+    }
+    Ok(())
+}

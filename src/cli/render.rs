@@ -1,0 +1,230 @@
+//! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
+
+use super::args::{Denoiser, Render, Sampler, SceneArguments, Strategy};
+use super::progress::{Progress, human};
+use super::{BadInput, Failure, replay};
+use crate::integrator::PathTracing;
+use crate::render::{RenderSettings, Rendered, SamplerKind, render};
+use crate::scene::{LoadOptions, Scene};
+use anyhow::Context;
+use quietlight_denoise::bilateral;
+use quietlight_denoise::metrics::estimated_relative_l2;
+use quietlight_denoise::{Image, LayerKind, Layers, Saved, exr, png, variance};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// True once the user asked to stop.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
+    let scene = load(&arguments.scene)?;
+    let settings = settings(arguments, &scene);
+    if let Some([x, y, sample]) = arguments.replay {
+        return replay::run(&scene, &settings, [x, y], sample);
+    }
+    let output = output_path(arguments)?;
+    heed_ctrl_c()?;
+    let threads = thread_pool(arguments.threads)?;
+
+    let (width, height) = (scene.film.crop[2], scene.film.crop[3]);
+    let total = u64::from(width) * u64::from(height) * u64::from(settings.samples);
+    let progress = Progress::new("render", "samples", total);
+    let mut rendered = threads.install(|| render(&scene, &settings, &|done| progress.at(done), &STOP));
+    progress.finish();
+
+    variance::correct_variances(&mut rendered.layers);
+    let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
+    let is_interrupted = STOP.load(Ordering::Relaxed);
+    let start = Instant::now();
+    let denoised = match arguments.denoiser {
+        _ if is_interrupted => None,
+        Denoiser::None => None,
+        Denoiser::Auto | Denoiser::Bilateral => {
+            Some(threads.install(|| filter(&rendered.layers)).map_err(Failure::Failed)?)
+        }
+    };
+    let denoising = start.elapsed();
+
+    describe(&mut rendered, arguments, &settings, threads.current_num_threads());
+    let png = output.with_extension("png");
+    let saved = Saved { picture: denoised.as_ref(), halves: arguments.halves };
+    exr::write(&output, &rendered.layers, &saved).with_context(|| format!("cannot write {}", output.display()))?;
+    let picture = match &denoised {
+        Some(image) => image,
+        None => &rendered.layers.layers[&LayerKind::Beauty].mean,
+    };
+    png::write(&png, picture, arguments.exposure).with_context(|| format!("cannot write {}", png.display()))?;
+
+    let outcome = Outcome { output: &output, png: &png, rendered: &rendered, denoising, noise };
+    if arguments.json { outcome.print_json() } else { outcome.print() }
+    if is_interrupted { Err(Failure::Interrupted) } else { Ok(()) }
+}
+
+/// Loads a scene and tells its warnings.
+pub(super) fn load(arguments: &SceneArguments) -> Result<Scene, Failure> {
+    let options = LoadOptions { definitions: arguments.definitions.clone(), size: arguments.size };
+    let mut scene = Scene::load(&arguments.scene, &options).bad_input()?;
+    if let Some(depth) = arguments.max_depth {
+        scene.limits.max_depth = Some(depth);
+    }
+    for warning in &scene.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok(scene)
+}
+
+fn settings(arguments: &Render, scene: &Scene) -> RenderSettings {
+    let strategy = match arguments.strategy {
+        Strategy::Mis => crate::integrator::Strategy::Mis,
+        Strategy::Light => crate::integrator::Strategy::Light,
+        Strategy::Bsdf => crate::integrator::Strategy::Bsdf,
+    };
+    RenderSettings {
+        samples: arguments.spp.unwrap_or(scene.samples),
+        seed: arguments.seed,
+        sampler: match arguments.sampler {
+            Sampler::Sobol => SamplerKind::Sobol,
+            Sampler::Independent => SamplerKind::Independent,
+        },
+        integrator: PathTracing { strategy },
+        ..RenderSettings::default()
+    }
+}
+
+/// Where to write: as asked, else named after the scene (its folder, if the file is a `scene.xml`).
+fn output_path(arguments: &Render) -> Result<PathBuf, Failure> {
+    let path = match &arguments.output {
+        Some(path) => path.clone(),
+        None => {
+            let scene = &arguments.scene.scene;
+            let named = if scene.file_stem().is_some_and(|stem| stem == "scene") { scene.parent() } else { None };
+            let absolute = std::path::absolute(named.unwrap_or(scene)).bad_input()?;
+            PathBuf::from(absolute.file_stem().unwrap_or("picture".as_ref())).with_extension("exr")
+        }
+    };
+    check_output(&path)?;
+    Ok(path)
+}
+
+/// Refuses an output that could not be written, before hours are spent on it.
+pub(super) fn check_output(path: &Path) -> Result<(), Failure> {
+    if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("exr")) {
+        return Err(anyhow::anyhow!("the output must be named *.exr, not {}", path.display())).bad_input();
+    }
+    let folder = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    match folder.metadata() {
+        Ok(facts) if facts.is_dir() && !facts.permissions().readonly() => Ok(()),
+        Ok(_) => Err(anyhow::anyhow!("{} is not a folder that can be written to", folder.display())).bad_input(),
+        Err(error) => Err(error).with_context(|| format!("cannot write into {}", folder.display())).bad_input(),
+    }
+}
+
+/// The first Ctrl-C asks the render to finish its pass; the second ends the process at once.
+fn heed_ctrl_c() -> Result<(), Failure> {
+    let handler = || {
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        eprintln!("\nfinishing this pass, then writing what there is (Ctrl-C again to quit at once)");
+    };
+    ctrlc::set_handler(handler).context("cannot heed Ctrl-C").map_err(Failure::Failed)
+}
+
+/// A pool of that many threads; all of them by default.
+pub(super) fn thread_pool(threads: Option<u16>) -> Result<rayon::ThreadPool, Failure> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.map_or(0, usize::from))
+        .build()
+        .context("cannot start threads")
+        .map_err(Failure::Failed)
+}
+
+/// The cross-bilateral filter with a progress bar; what it had to mend is told.
+pub(super) fn filter(layers: &Layers) -> anyhow::Result<Image> {
+    let progress = Progress::new("denoise", "steps", 1000);
+    let denoised = bilateral::denoise(layers, &bilateral::Parameters::default(), &|part| {
+        progress.at((part * 1000.0) as u64);
+    });
+    progress.finish();
+    let denoised = denoised?;
+    let mended = &denoised.report.sanitized;
+    if mended.total() > 0 {
+        eprintln!("warning: {} values of the layers were not usable and were replaced", mended.total());
+    }
+    Ok(denoised.image)
+}
+
+/// Writes down how the picture was made.
+fn describe(rendered: &mut Rendered, arguments: &Render, settings: &RenderSettings, threads: usize) {
+    let facts = [
+        ("scene", arguments.scene.scene.display().to_string()),
+        ("integrator", "path".to_owned()),
+        ("strategy", format!("{:?}", settings.integrator.strategy)),
+        ("sampler", format!("{:?}", settings.sampler)),
+        ("seed", settings.seed.to_string()),
+        ("samples", rendered.samples.to_string()),
+        ("invalid_samples", rendered.invalid_samples.to_string()),
+        ("seconds", format!("{:.3}", rendered.elapsed.as_secs_f64())),
+        ("threads", threads.to_string()),
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    rendered.layers.metadata.extend(facts.map(|(name, value)| (name.to_owned(), value)));
+}
+
+/// What the last line tells.
+struct Outcome<'a> {
+    output: &'a Path,
+    png: &'a Path,
+    rendered: &'a Rendered,
+    denoising: Duration,
+    noise: Option<f64>,
+}
+
+impl Outcome<'_> {
+    /// Samples of the whole picture per second of wall time.
+    fn speed(&self) -> f64 {
+        let pixels = self.rendered.layers.width * self.rendered.layers.height;
+        pixels as f64 * f64::from(self.rendered.samples) / self.rendered.elapsed.as_secs_f64().max(1e-9)
+    }
+
+    fn print(&self) {
+        let Self { output, png, rendered, denoising, noise } = self;
+        if rendered.invalid_samples > 0 {
+            eprintln!(
+                "warning: {} samples were not finite and were dropped; layer invalid.N tells where, --replay why",
+                rendered.invalid_samples
+            );
+        }
+        let noise = noise.map_or("unknown with one sample".to_owned(), |noise| format!("{noise:.2e}"));
+        println!(
+            "{} and {}: {} samples per pixel in {:.1} s ({}samples/s), denoised in {:.1} s; \
+             relative L2 of the noise before denoising, from the halves: {noise}",
+            output.display(),
+            png.display(),
+            rendered.samples,
+            rendered.elapsed.as_secs_f64(),
+            human(self.speed()),
+            denoising.as_secs_f64(),
+        );
+    }
+
+    fn print_json(&self) {
+        let json = serde_json::json!({
+            "output": self.output,
+            "png": self.png,
+            "width": self.rendered.layers.width,
+            "height": self.rendered.layers.height,
+            "samples": self.rendered.samples,
+            "invalid_samples": self.rendered.invalid_samples,
+            "render_seconds": self.rendered.elapsed.as_secs_f64(),
+            "denoise_seconds": self.denoising.as_secs_f64(),
+            "samples_per_second": self.speed(),
+            "estimated_noisy_relative_l2": self.noise,
+        });
+        println!("{json:#}");
+    }
+}

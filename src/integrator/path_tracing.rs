@@ -1,0 +1,380 @@
+//! Unidirectional path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling.
+
+use super::mis::power_heuristic;
+use super::roulette::survive;
+use crate::bsdf::Bsdf;
+use crate::emitter::EmitterSample;
+use crate::geometry::{Interaction, Ray};
+use crate::math::{Frame, Rgb};
+use crate::sampler::Sampler;
+use crate::scene::{Material, Scene};
+use glam::Vec3;
+
+/// How direct light is found. All three have the same mean, which is how they test each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strategy {
+    /// Only by choosing points on emitters; emission counts where a camera ray or a delta lobe leads to it.
+    Light,
+    /// Only by walking into emitters; point, spot and directional emitters stay dark.
+    Bsdf,
+    /// Both, weighted by the power heuristic.
+    #[default]
+    Mis,
+}
+
+/// A path tracer: prefer it wherever light is not mainly found through narrow openings or focused by glass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PathTracing {
+    /// How direct light is found.
+    pub strategy: Strategy,
+}
+
+/// What one camera sample found. Radiance is `diffuse + specular`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PathSample {
+    /// Radiance scattered by a diffuse lobe at the first hit.
+    pub diffuse: Rgb,
+    /// All other radiance, emission and background included.
+    pub specular: Rgb,
+    /// Albedo at the first surface that is not only delta; 0 when there is none.
+    pub albedo: Rgb,
+    /// Unit shading normal there, turned to where the ray came from.
+    pub normal: Vec3,
+    /// Position of the first hit, relative to [`Scene::origin`].
+    pub position: Vec3,
+    /// Length of the path to the first surface that is not only delta.
+    pub depth: f32,
+    /// Albedo at the second hit.
+    pub texture2: Rgb,
+    /// Did the shadow ray of the first hit reach its emitter? 1 or 0, or the transmittance of the masks between.
+    pub visibility: f32,
+}
+
+impl PathSample {
+    /// Are radiance and features all finite?
+    pub fn is_finite(&self) -> bool {
+        (self.diffuse + self.specular).is_finite()
+            && (self.albedo + self.texture2).is_finite()
+            && self.normal.is_finite()
+            && self.position.is_finite()
+            && (self.depth + self.visibility).is_finite()
+    }
+}
+
+/// One hit of a walk, as [`PathTracing::trace_observed`] reports it for the replay of a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Vertex {
+    /// Edges from the camera to here.
+    pub depth: u32,
+    /// What was hit.
+    pub at: Interaction,
+    /// Product of all weights up to here.
+    pub throughput: Rgb,
+    /// Radiance added to the sample here: emission and direct light, weighted.
+    pub added: Rgb,
+}
+
+/// What the last scattering leaves for the weight of emission found next.
+struct Departure {
+    position: Vec3,
+    pdf: f32,
+    is_delta: bool,
+}
+
+/// Shadow rays stop this much short of the emitter, relative to its distance, so that they do not hit it. Rounding of
+/// the direction moves the far end by a few ulps of the distance; a blocker nearer to the emitter than this is missed.
+const SHADOW_MARGIN: f32 = 1e-4;
+
+impl PathTracing {
+    /// Follows one camera ray through `scene`.
+    pub fn trace<S: Sampler>(&self, scene: &Scene, ray: Ray, sampler: &mut S) -> PathSample {
+        self.trace_observed(scene, ray, sampler, |_| {})
+    }
+
+    /// The same, calling `observe` at every hit.
+    pub fn trace_observed<S: Sampler>(
+        &self,
+        scene: &Scene,
+        mut ray: Ray,
+        sampler: &mut S,
+        mut observe: impl FnMut(Vertex),
+    ) -> PathSample {
+        let mut sample = PathSample::default();
+        let max_depth = scene.limits.max_depth.unwrap_or(u32::MAX);
+        // The weight of the first scattering is kept apart, in its two parts: all light found after it is summed up
+        // in `indirect` and split by them at the end.
+        let (mut first_diffuse, mut first_specular) = (Rgb::BLACK, Rgb::BLACK);
+        let mut indirect = Rgb::BLACK;
+        let mut throughput = Rgb::WHITE;
+        let mut first_weight = Rgb::WHITE;
+        let mut scatterings = 0u32;
+        let mut eta_squared = 1.0f32;
+        let mut departure = Departure { position: ray.origin, pdf: 0.0, is_delta: true };
+        let mut features = FeatureWalk::default();
+        let mut depth = 0u32;
+
+        while depth < max_depth {
+            depth += 1;
+            let Some(hit) = scene.geometry.intersect(&ray) else {
+                let radiance = self.background(scene, &ray, &departure, depth);
+                if scatterings == 0 {
+                    sample.specular += throughput * radiance;
+                } else {
+                    indirect += throughput * radiance;
+                }
+                break;
+            };
+            let at = scene.geometry.interaction(&ray, &hit);
+            let surface = scene.surfaces[at.part as usize];
+            let material = &scene.materials[surface.material.0 as usize];
+
+            // Emission.
+            let mut emitted = Rgb::BLACK;
+            if let Some(id) = surface.emitter
+                && !(scene.limits.hide_emitters && depth == 1)
+            {
+                let radiance = scene.emitters.radiance(id, &at, -ray.direction);
+                if !radiance.is_black() {
+                    let weight = self
+                        .hit_weight(&departure, || scene.emitters.pdf(id, departure.position, &at));
+                    emitted = radiance * weight;
+                    if scatterings == 0 {
+                        sample.specular += throughput * emitted;
+                    } else {
+                        indirect += throughput * emitted;
+                    }
+                }
+            }
+
+            let u_light = sampler.next_2d();
+            let u_bsdf = sampler.next_2d();
+            let u_selection = sampler.next_1d();
+            let u_lobe = sampler.next_1d();
+            let u_roulette = sampler.next_1d();
+
+            // Masks let the ray pass unscattered; the densities of the last scattering stay in force.
+            let opacity = material.opacity(&at);
+            if opacity < 1.0 && sampler.next_1d() >= opacity {
+                features.length += hit.t;
+                ray = at.spawn(ray.direction);
+                continue;
+            }
+
+            let shading = Shading::new(material, &at, -ray.direction);
+            features.visit(&mut sample, &shading, &at, hit.t);
+            if !shading.is_consistent(shading.wo, -ray.direction) {
+                break;
+            }
+            let mut vertex =
+                Vertex { depth, at, throughput: first_weight * throughput, added: emitted };
+            if depth == max_depth {
+                observe(vertex);
+                break;
+            }
+
+            // Direct light.
+            if self.strategy != Strategy::Bsdf
+                && shading.bsdf.has_smooth()
+                && let Some(light) = scene.emitters.sample(at.position, u_selection, u_light)
+            {
+                let direct = self.direct_light(scene, &shading, &at, &light, scatterings == 0);
+                if scatterings == 0 {
+                    sample.visibility = direct.visibility;
+                    sample.diffuse += direct.diffuse;
+                    sample.specular += direct.specular;
+                } else {
+                    indirect += throughput * (direct.diffuse + direct.specular);
+                }
+                vertex.added += direct.diffuse + direct.specular;
+            }
+            observe(vertex);
+
+            // The next direction.
+            let Some(scattered) = shading.bsdf.sample(shading.wo, u_lobe, u_bsdf) else { break };
+            let direction = shading.frame.to_world(scattered.wi);
+            if !shading.is_consistent(scattered.wi, direction) {
+                break;
+            }
+            let weight = scattered.diffuse + scattered.specular;
+            if scatterings == 0 {
+                (first_diffuse, first_specular) = (scattered.diffuse, scattered.specular);
+                first_weight = weight;
+            } else {
+                throughput *= weight;
+            }
+            scatterings += 1;
+            eta_squared *= scattered.eta * scattered.eta;
+            departure = Departure {
+                position: at.position,
+                pdf: scattered.pdf,
+                is_delta: scattered.is_delta,
+            };
+
+            // Russian roulette.
+            let importance = (first_weight * throughput).max_component();
+            if importance == 0.0 {
+                break;
+            }
+            if depth >= scene.limits.rr_depth {
+                match survive(importance * eta_squared, u_roulette) {
+                    Some(scale) => throughput *= scale,
+                    None => break,
+                }
+            }
+            ray = at.spawn(direction);
+        }
+
+        if scatterings > 0 {
+            sample.diffuse += first_diffuse * indirect;
+            sample.specular += first_specular * indirect;
+        }
+        sample
+    }
+
+    /// Radiance of the environment along a ray that left the scene, weighted.
+    fn background(&self, scene: &Scene, ray: &Ray, departure: &Departure, depth: u32) -> Rgb {
+        if scene.limits.hide_emitters && depth == 1 {
+            return Rgb::BLACK;
+        }
+        let radiance = scene.emitters.environment(ray.direction);
+        if radiance.is_black() {
+            return radiance;
+        }
+        radiance * self.hit_weight(departure, || scene.emitters.environment_pdf(ray.direction))
+    }
+
+    /// Weight of emission that a walk ran into; `light_pdf` is the density of finding it as direct light.
+    fn hit_weight(&self, departure: &Departure, light_pdf: impl FnOnce() -> f32) -> f32 {
+        match self.strategy {
+            _ if departure.is_delta => 1.0,
+            Strategy::Light => 0.0,
+            Strategy::Bsdf => 1.0,
+            Strategy::Mis => power_heuristic(departure.pdf, light_pdf()),
+        }
+    }
+
+    /// Light of one emitter sample scattered at `at`. At the first hit the shadow ray is traced for the visibility
+    /// layer even where the surface scatters nothing of it.
+    fn direct_light(
+        &self,
+        scene: &Scene,
+        shading: &Shading,
+        at: &Interaction,
+        light: &EmitterSample,
+        is_first: bool,
+    ) -> DirectLight {
+        let wi = shading.frame.to_local(light.direction);
+        let mut direct = DirectLight::default();
+        if !shading.is_consistent(wi, light.direction) {
+            return direct;
+        }
+        let scattered = shading.bsdf.eval(shading.wo, wi);
+        let scatters = (scattered.diffuse + scattered.specular).max_component() > 0.0;
+        if !(scatters || is_first) {
+            return direct;
+        }
+        let mut shadow_ray = at.spawn(light.direction);
+        shadow_ray.t_max = light.distance * (1.0 - SHADOW_MARGIN);
+        direct.visibility = transmittance(scene, shadow_ray);
+        if scatters && direct.visibility > 0.0 {
+            let weight = match self.strategy {
+                Strategy::Mis if !light.is_delta => power_heuristic(light.pdf, scattered.pdf),
+                _ => 1.0,
+            };
+            let incident = light.radiance * (weight * direct.visibility / light.pdf);
+            direct.diffuse = scattered.diffuse * incident;
+            direct.specular = scattered.specular * incident;
+        }
+        direct
+    }
+}
+
+/// Direct light at one vertex.
+#[derive(Default)]
+struct DirectLight {
+    diffuse: Rgb,
+    specular: Rgb,
+    visibility: f32,
+}
+
+/// The part of light that masks leave of a shadow ray: 0 behind an opaque surface, 1 when nothing is in the way.
+fn transmittance(scene: &Scene, mut ray: Ray) -> f32 {
+    if !scene.has_masks {
+        return if scene.geometry.occluded(&ray) { 0.0 } else { 1.0 };
+    }
+    let mut transmittance = 1.0;
+    while let Some(hit) = scene.geometry.intersect(&ray) {
+        let at = scene.geometry.interaction(&ray, &hit);
+        let surface = scene.surfaces[at.part as usize];
+        transmittance *= 1.0 - scene.materials[surface.material.0 as usize].opacity(&at);
+        if transmittance <= 0.0 {
+            return 0.0;
+        }
+        let remaining = ray.t_max - hit.t;
+        ray = at.spawn(ray.direction);
+        ray.t_max = remaining;
+    }
+    transmittance
+}
+
+/// A surface point seen from `wo`, ready to scatter.
+struct Shading {
+    bsdf: Bsdf,
+    frame: Frame,
+    /// Geometric normal on the side of the frame's normal.
+    normal: Vec3,
+    /// Local direction to where the ray came from.
+    wo: Vec3,
+}
+
+impl Shading {
+    fn new(material: &Material, at: &Interaction, wo: Vec3) -> Self {
+        let mut frame = material.frame(at);
+        let mut normal = at.normal;
+        let mut local = frame.to_local(wo);
+        if material.two_sided && local.z < 0.0 {
+            frame.normal = -frame.normal;
+            local.z = -local.z;
+            normal = -normal;
+        }
+        Self { bsdf: material.bsdf(at), frame, normal, wo: local }
+    }
+
+    /// Does a direction, given in the local frame and in the world, lie on the same side of the surface by both
+    /// normals? Where an interpolated normal says otherwise light would leak through the surface: such directions
+    /// scatter nothing, whichever way the light goes, so that all integrators agree.
+    fn is_consistent(&self, local: Vec3, world: Vec3) -> bool {
+        local.z * self.normal.dot(world) > 0.0
+    }
+}
+
+/// Follows the walk until every feature is known.
+#[derive(Default)]
+struct FeatureWalk {
+    hits: u32,
+    length: f32,
+    is_surface_found: bool,
+}
+
+impl FeatureWalk {
+    fn visit(&mut self, sample: &mut PathSample, shading: &Shading, at: &Interaction, t: f32) {
+        self.hits += 1;
+        if self.hits > 2 && self.is_surface_found {
+            return;
+        }
+        self.length += t;
+        if self.hits == 1 {
+            sample.position = at.position;
+        }
+        if self.hits == 2 {
+            sample.texture2 = shading.bsdf.albedo();
+        }
+        if !self.is_surface_found && shading.bsdf.has_smooth() {
+            self.is_surface_found = true;
+            sample.albedo = shading.bsdf.albedo();
+            sample.normal =
+                if shading.wo.z < 0.0 { -shading.frame.normal } else { shading.frame.normal };
+            sample.depth = self.length;
+        }
+    }
+}
