@@ -4,4 +4,5 @@ mod analytic;
 mod determinism;
 mod equal_energy;
 mod extremes;
+mod rays;
 mod support;
