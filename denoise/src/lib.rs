@@ -1,7 +1,14 @@
 //! Image space: feature layers, denoisers and the metrics that judge them.
 
+pub mod atomic;
+pub mod error;
+pub mod exr;
 pub mod layers;
+pub mod picture;
+pub mod png;
+pub mod srgb;
 
+pub use error::Error;
 pub use layers::{Image, Layer, LayerKind, Layers};
 
 /// Luminance of linear Rec. 709: the weights of red, green and blue (ITU-R BT.709).

@@ -1,0 +1,91 @@
+//! A picture to look at: linear light through an exposure and the sRGB curve into 8 bits.
+
+use std::path::Path;
+
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::error::Error;
+use crate::layers::Image;
+use crate::srgb;
+
+/// Writes `picture`, linear Rec. 709 of shape `[3, height, width]`, as an 8-bit sRGB PNG, whole or not at all.
+///
+/// Light is multiplied by `2^exposure`, clamped to `[0, 1]` and encoded; NaN shows as black.
+///
+/// # Errors
+/// [`Error::Shape`] where the picture has not three channels; [`Error::Io`] and [`Error::Format`] where the file cannot
+/// be written.
+pub fn write(path: &Path, picture: &Image, exposure: f32) -> Result<(), Error> {
+    let (channels, height, width) = picture.dim();
+    if channels != 3 {
+        let expected = [3, height, width];
+        return Err(Error::Shape {
+            what: "picture".into(),
+            found: [channels, height, width],
+            expected,
+        });
+    }
+    let bytes = tone_map(picture, exposure);
+    let (width, height) = (width as u32, height as u32);
+    crate::atomic::write(path, |file| {
+        PngEncoder::new(file).write_image(&bytes, width, height, ExtendedColorType::Rgb8).map_err(
+            |error| match error {
+                image::ImageError::IoError(source) => Error::Io { path: path.into(), source },
+                error => Error::Format {
+                    path: path.into(),
+                    found: format!("a picture of {width}x{height} ({error})"),
+                    expected: "one that a PNG can hold".into(),
+                },
+            },
+        )
+    })
+}
+
+/// The bytes of the PNG: row after row, red, green, blue.
+fn tone_map(picture: &Image, exposure: f32) -> Vec<u8> {
+    let (_, height, width) = picture.dim();
+    let gain = exposure.exp2();
+    let mut bytes = Vec::with_capacity(3 * width * height);
+    for y in 0..height {
+        for x in 0..width {
+            bytes.extend((0..3).map(|channel| {
+                let display = srgb::encode(picture[[channel, y, x]] * gain);
+                (display * 255.0).round() as u8
+            }));
+        }
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_png_reads_back_as_the_light_it_shows() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.png");
+        let picture =
+            Image::from_shape_fn((3, 2, 5), |(c, y, x)| (c + 3 * y + 2 * x) as f32 / 14.0);
+        write(&path, &picture, 0.0).unwrap();
+        let read = crate::picture::read_picture(&path).unwrap();
+        assert_eq!(read.dim(), picture.dim());
+        for (index, &value) in picture.indexed_iter() {
+            // Half a step of 1/255 in display values.
+            assert!(
+                (srgb::encode(read[index]) - srgb::encode(value)).abs() <= 0.5 / 255.0 + 1e-6,
+                "{index:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn extreme_light_is_clamped_and_exposure_doubles() {
+        let picture =
+            Image::from_shape_vec((3, 1, 2), vec![f32::NAN, 1e30, -1.0, f32::INFINITY, 0.25, 0.0])
+                .unwrap();
+        assert_eq!(tone_map(&picture, 0.0), [0, 0, 137, 255, 255, 0]);
+        assert_eq!(tone_map(&picture, 2.0)[2], 255);
+    }
+}
