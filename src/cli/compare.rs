@@ -3,11 +3,16 @@
 use super::args::Compare;
 use super::{BadInput, Failure};
 use anyhow::Context;
-use quietlight_denoise::{exr, metrics, png};
+use quietlight_denoise::picture::read_picture;
+use quietlight_denoise::{Image, LayerKind, exr, metrics, png};
+use std::path::Path;
 
 pub(super) fn run(arguments: &Compare) -> Result<(), Failure> {
-    let image = exr::read_image(&arguments.image, arguments.layer.as_deref()).bad_input()?;
-    let reference = exr::read_image(&arguments.reference, None).bad_input()?;
+    let image = match &arguments.layer {
+        Some(name) => read_layer(&arguments.image, name)?,
+        None => read_picture(&arguments.image).bad_input()?,
+    };
+    let reference = read_picture(&arguments.reference).bad_input()?;
     let relative_l2 = metrics::relative_l2(&image, &reference).bad_input()?;
     let ssim = metrics::ssim(&image, &reference).bad_input()?;
     let psnr = metrics::psnr(&image, &reference).bad_input()?;
@@ -35,4 +40,17 @@ pub(super) fn run(arguments: &Compare) -> Result<(), Failure> {
     println!("PSNR         {psnr:.3} dB     sRGB, clamped");
     println!("FLIP         {mean_flip:.6}       LDR, 67 pixels per degree");
     Ok(())
+}
+
+/// The mean of the layer of that name.
+fn read_layer(path: &Path, name: &str) -> Result<Image, Failure> {
+    let mut contents = exr::read(path).bad_input()?;
+    let kind = LayerKind::ALL.into_iter().find(|kind| kind.name() == name);
+    match kind.and_then(|kind| contents.layers.layers.remove(&kind)) {
+        Some(layer) => Ok(layer.mean),
+        None => {
+            let known: Vec<&str> = contents.layers.layers.keys().map(|kind| kind.name()).collect();
+            Err(anyhow::anyhow!("{} has no layer {name}; it has {}", path.display(), known.join(", "))).bad_input()
+        }
+    }
 }

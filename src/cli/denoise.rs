@@ -4,14 +4,22 @@ use super::args::Denoise;
 use super::render::{check_output, filter, thread_pool};
 use super::{BadInput, Failure};
 use anyhow::Context;
-use quietlight_denoise::{Saved, exr, png};
+use quietlight_denoise::exr::{self, Role, SeparateFile, WriteOptions};
+use quietlight_denoise::{LayerKind, png};
 use std::time::Instant;
 
 pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
     check_output(&arguments.output)?;
-    let layers =
-        exr::read_with_features(&arguments.input, arguments.albedo.as_deref(), arguments.normal.as_deref())
-            .bad_input()?;
+    let features = [(LayerKind::Albedo, &arguments.albedo), (LayerKind::Normal, &arguments.normal)];
+    let files: Vec<SeparateFile> = features
+        .into_iter()
+        .filter_map(|(kind, path)| Some(SeparateFile { kind, role: Role::Mean, path: path.clone()? }))
+        .collect();
+    let contents = exr::read_separate(&arguments.input, &files).bad_input()?;
+    let layers = contents.layers;
+    for name in &contents.ignored {
+        eprintln!("warning: channel {name} is not one that a denoiser uses; it is left out");
+    }
     let threads = thread_pool(arguments.threads)?;
     let start = Instant::now();
     let picture = threads.install(|| filter(&layers)).bad_input()?;
@@ -19,11 +27,11 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
 
     let output = &arguments.output;
     let png = output.with_extension("png");
-    let saved = Saved { picture: Some(&picture), halves: false };
-    exr::write(output, &layers, &saved).with_context(|| format!("cannot write {}", output.display()))?;
+    let options = WriteOptions { picture: Some(&picture), halves: false, frame: Some(contents.frame) };
+    exr::write(output, &layers, &options).with_context(|| format!("cannot write {}", output.display()))?;
     png::write(&png, &picture, arguments.exposure).with_context(|| format!("cannot write {}", png.display()))?;
 
-    let used: Vec<String> = layers.layers.keys().map(|kind| format!("{kind:?}").to_lowercase()).collect();
+    let used: Vec<String> = layers.layers.keys().map(|kind| kind.name().to_owned()).collect();
     if arguments.json {
         let json = serde_json::json!({
             "output": output,

@@ -6,7 +6,8 @@ use crate::integrator::{PathTracing, Strategy};
 use crate::render::{RenderSettings, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::{Context, ensure};
-use quietlight_denoise::{LayerKind, Saved, bilateral, exr, variance};
+use quietlight_denoise::exr::{self, WriteOptions};
+use quietlight_denoise::{LayerKind, bilateral, variance};
 use std::sync::atomic::AtomicBool;
 
 /// A sphere that reflects all light, in light of radiance 1 from everywhere: every pixel must be 1.
@@ -41,8 +42,8 @@ fn check() -> anyhow::Result<()> {
     variance::correct_variances(&mut rendered.layers);
     let denoised = bilateral::denoise(&rendered.layers, &bilateral::Parameters::default(), &|_| {})?;
     let picture = folder.path().join("furnace.exr");
-    exr::write(&picture, &rendered.layers, &Saved { picture: Some(&denoised.image), halves: true })?;
-    let noisy = &exr::read(&picture)?.layers[&LayerKind::Beauty].mean;
+    exr::write(&picture, &rendered.layers, &WriteOptions { picture: Some(&denoised.image), halves: true, frame: None })?;
+    let noisy = &exr::read(&picture)?.layers.layers[&LayerKind::Beauty].mean;
     for (name, image) in [("rendered", noisy), ("denoised", &denoised.image)] {
         let worst = image.iter().map(|value| (value - 1.0).abs()).fold(0.0, f32::max);
         ensure!(worst < 1e-4, "a {name} pixel is off by {worst}");

@@ -8,18 +8,6 @@ use crate::geometry::Part;
 use crate::scene::Requirements;
 use quietlight_denoise::LayerKind;
 
-const LAYERS: [LayerKind; 9] = [
-    LayerKind::Beauty,
-    LayerKind::Diffuse,
-    LayerKind::Specular,
-    LayerKind::Albedo,
-    LayerKind::Normal,
-    LayerKind::Position,
-    LayerKind::Depth,
-    LayerKind::Texture2,
-    LayerKind::Visibility,
-];
-
 pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
     let scene = load(&arguments.scene)?;
     let requirements = Requirements::of(&scene);
@@ -27,11 +15,8 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
     let triangles: usize =
         parts.iter().map(|part| if let Part::Mesh(mesh) = part { mesh.triangles.len() } else { 0 }).sum();
     let analytic = parts.iter().filter(|part| !matches!(part, Part::Mesh(_))).count();
-    let layers: Vec<String> = LAYERS
-        .iter()
-        .filter(|&&layer| requirements.needs(layer))
-        .map(|layer| format!("{layer:?}").to_lowercase())
-        .collect();
+    let layers: Vec<&str> =
+        LayerKind::ALL.into_iter().filter(|&layer| requirements.needs(layer)).map(LayerKind::name).collect();
     let [_, _, width, height] = scene.film.crop;
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     let film = megabytes(Film::bytes(scene.film, &requirements));

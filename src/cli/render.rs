@@ -9,7 +9,8 @@ use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::bilateral;
 use quietlight_denoise::metrics::estimated_relative_l2;
-use quietlight_denoise::{Image, LayerKind, Layers, Saved, exr, png, variance};
+use quietlight_denoise::exr::{self, Frame, WriteOptions};
+use quietlight_denoise::{Image, LayerKind, Layers, png, variance};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -48,8 +49,14 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
 
     describe(&mut rendered, arguments, &settings, threads.current_num_threads());
     let png = output.with_extension("png");
-    let saved = Saved { picture: denoised.as_ref(), halves: arguments.halves };
-    exr::write(&output, &rendered.layers, &saved).with_context(|| format!("cannot write {}", output.display()))?;
+    let [left, top, ..] = scene.film.crop.map(|number| number as i32);
+    let frame = Frame {
+        offset: (left, top),
+        display_offset: (0, 0),
+        display: (scene.film.width as usize, scene.film.height as usize),
+    };
+    let options = WriteOptions { picture: denoised.as_ref(), halves: arguments.halves, frame: Some(frame) };
+    exr::write(&output, &rendered.layers, &options).with_context(|| format!("cannot write {}", output.display()))?;
     let picture = match &denoised {
         Some(image) => image,
         None => &rendered.layers.layers[&LayerKind::Beauty].mean,

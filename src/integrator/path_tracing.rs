@@ -330,7 +330,8 @@ struct Shading {
 impl Shading {
     fn new(material: &Material, at: &Interaction, wo: Vec3) -> Self {
         let mut frame = material.frame(at);
-        let mut normal = at.normal;
+        // Some meshes have vertex normals against their winding: the normals decide which side is which.
+        let mut normal = if at.normal.dot(frame.normal) < 0.0 { -at.normal } else { at.normal };
         let mut local = frame.to_local(wo);
         if material.two_sided && local.z < 0.0 {
             frame.normal = -frame.normal;
