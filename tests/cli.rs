@@ -1,0 +1,131 @@
+//! The command line as a person or a script uses it.
+
+use quietlight_denoise::picture::read_picture;
+use quietlight_denoise::{LayerKind, exr};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+fn quietlight(arguments: &[&str], folder: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_quietlight"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("the binary runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn own_scene(name: &str) -> String {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).display().to_string()
+}
+
+#[test]
+fn render_writes_a_denoised_exr_with_all_layers_and_a_png() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = own_scene("cornell-box");
+    let done = quietlight(&["render", &scene, "--size", "48x40", "--spp", "4", "--halves", "--json"], folder.path());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let outcome: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    assert_eq!((outcome["width"].as_u64(), outcome["samples"].as_u64()), (Some(48), Some(4)));
+    let contents = exr::read(&folder.path().join("cornell-box.exr")).expect("the EXR is whole");
+    let layers = &contents.layers;
+    for kind in [LayerKind::Beauty, LayerKind::Diffuse, LayerKind::Specular, LayerKind::Albedo, LayerKind::Normal] {
+        let layer = layers.layers.get(&kind).unwrap_or_else(|| panic!("no layer {kind:?}"));
+        assert!(layer.variance.is_some() && layer.halves.is_some(), "{kind:?}");
+    }
+    assert!(layers.samples.as_ref().is_some_and(|samples| samples.iter().all(|&count| count == 4.0)));
+    assert_eq!(layers.metadata.get("seed").map(String::as_str), Some("0"));
+    let picture = contents.picture.expect("a picture");
+    assert_ne!(picture, layers.layers[&LayerKind::Beauty].mean, "the picture is denoised");
+    let png = read_picture(&folder.path().join("cornell-box.png")).expect("the PNG is whole");
+    assert_eq!(png.dim(), (3, 40, 48));
+}
+
+#[test]
+fn a_written_file_denoises_again_to_the_same_picture() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = own_scene("cornell-box");
+    let done = quietlight(&["render", &scene, "--size", "32x32", "--spp", "8", "-o", "first.exr"], folder.path());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let done = quietlight(&["denoise", "first.exr", "-o", "second.exr"], folder.path());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let done = quietlight(&["compare", "second.exr", "first.exr", "--json", "--map", "map.png"], folder.path());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let scores: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    assert_eq!(scores["relative_l2"].as_f64(), Some(0.0));
+    assert!(folder.path().join("map.png").exists());
+    // The noisy layer of the same file is another picture.
+    let done = quietlight(&["compare", "second.exr", "first.exr", "--layer", "noisy", "--json"], folder.path());
+    let scores: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    assert!(scores["relative_l2"].as_f64().is_some_and(|error| error > 0.0));
+}
+
+#[test]
+fn bad_input_exits_with_2_says_where_and_writes_nothing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("bad.xml"), "<scene version=\"3.0.0\">\n  <shape type=\"spere\"/>\n</scene>")
+        .expect("the scene is written");
+    let scene = own_scene("cornell-box");
+    for (arguments, expected) in [
+        (vec!["render", "missing.xml"], "missing.xml"),
+        (vec!["render", "bad.xml"], "bad.xml:2:"),
+        (vec!["render", &scene, "-o", "picture.jpg"], "*.exr"),
+        (vec!["render", &scene, "-o", "nowhere/picture.exr"], "nowhere"),
+        (vec!["render", &scene, "-D", "no_such=1"], "no_such"),
+        (vec!["render", &scene, "--size", "0x10"], "WIDTHxHEIGHT"),
+        (vec!["render", &scene, "--replay", "100000,0,0"], "outside"),
+        (vec!["denoise", "bad.xml", "-o", "out.exr"], "bad.xml"),
+        (vec!["compare", "bad.xml", "bad.xml"], "bad.xml"),
+        (vec!["inspect", "bad.xml"], "spere"),
+    ] {
+        let done = quietlight(&arguments, folder.path());
+        assert_eq!(done.status.code(), Some(2), "{arguments:?}: {}", text(&done.stderr));
+        assert!(text(&done.stderr).contains(expected), "{arguments:?}: {}", text(&done.stderr));
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "nothing was written");
+}
+
+#[test]
+fn inspect_doctor_completions_and_replay_answer() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = own_scene("cornell-box");
+    let done = quietlight(&["inspect", &scene, "--json"], folder.path());
+    let facts: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    assert_eq!(facts["has_masks"].as_bool(), Some(false));
+    assert!(facts["triangles"].as_u64().is_some_and(|count| count > 10));
+    let done = quietlight(&["inspect", &scene], folder.path());
+    assert!(text(&done.stdout).contains("left out"), "{}", text(&done.stdout));
+    let done = quietlight(&["doctor"], folder.path());
+    assert!(done.status.success() && text(&done.stdout).contains("SIMD"), "{}", text(&done.stderr));
+    let done = quietlight(&["completions", "bash"], folder.path());
+    assert!(text(&done.stdout).contains("quietlight"));
+    let done = quietlight(&["render", &scene, "--size", "32x32", "--replay", "16,16,3"], folder.path());
+    assert!(text(&done.stdout).contains("finite   yes"), "{}", text(&done.stdout));
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_writes_what_there_is_and_exits_with_130() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = own_scene("cornell-box");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_quietlight"))
+        .args(["render", &scene, "--size", "64x64", "--spp", "1000000", "-o", "part.exr"])
+        .current_dir(folder.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the binary runs");
+    std::thread::sleep(Duration::from_secs(3));
+    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(interrupt.success());
+    let asked = Instant::now();
+    let status = child.wait().expect("the process ends");
+    assert_eq!(status.code(), Some(130));
+    assert!(asked.elapsed() < Duration::from_secs(60), "a pass takes about a second");
+    let contents = exr::read(&folder.path().join("part.exr")).expect("the EXR is whole");
+    let samples = contents.layers.samples.expect("sample counts");
+    assert!(samples[[0, 0, 0]] >= 1.0 && samples[[0, 0, 0]] < 1e6);
+}
