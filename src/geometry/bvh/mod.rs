@@ -7,6 +7,7 @@ mod build;
 mod collapse;
 mod portable;
 mod query;
+#[cfg(target_arch = "x86_64")]
 mod traverse;
 mod wide;
 
@@ -44,7 +45,9 @@ pub(crate) struct Bvh {
     nodes: Vec<Node>,
     packets: Vec<Packet>,
     shapes: Vec<(u32, Shape)>,
-    has_avx2: bool,
+    /// [`portable`] is used where this is `None`.
+    #[cfg(target_arch = "x86_64")]
+    avx2: Option<traverse::Avx2>,
 }
 
 impl Default for Bvh {
@@ -62,7 +65,8 @@ impl Bvh {
             nodes: collapsed.nodes,
             packets: collapsed.packets,
             shapes,
-            has_avx2: traverse::has_avx2(),
+            #[cfg(target_arch = "x86_64")]
+            avx2: traverse::Avx2::detect(),
         }
     }
 
@@ -70,27 +74,30 @@ impl Bvh {
     #[inline]
     pub(crate) fn intersect(&self, query: &Query) -> Option<Hit> {
         let root = self.root?;
-        if self.has_avx2 {
-            traverse::intersect(self, root, query)
-        } else {
-            portable::intersect(self, root, query)
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.avx2 {
+            return avx2.intersect(self, root, query);
         }
+        portable::intersect(self, root, query)
     }
 
     /// Is there any hit?
     #[inline]
     pub(crate) fn is_occluded(&self, query: &Query) -> bool {
         let Some(root) = self.root else { return false };
-        if self.has_avx2 {
-            traverse::is_occluded(self, root, query)
-        } else {
-            portable::is_occluded(self, root, query)
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.avx2 {
+            return avx2.is_occluded(self, root, query);
         }
+        portable::is_occluded(self, root, query)
     }
 
     /// From now on without AVX2, as on another machine.
     pub(crate) fn use_portable(&mut self) {
-        self.has_avx2 = false;
+        #[cfg(target_arch = "x86_64")]
+        {
+            self.avx2 = None;
+        }
     }
 
     /// Memory of nodes, packets and shapes.

@@ -57,12 +57,13 @@ fn walk(bvh: &Bvh, root: Child, query: &Query, mut visit: impl FnMut(Target, f32
                 let (entries, is_entered) = enter(node, query, Query::limit(t_max));
                 for lane in 0..WIDTH {
                     if is_entered[lane] {
+                        let entry = (entries[lane], node.children[lane]);
                         let mut slot = waiting;
-                        while slot > first && stack[slot - 1].0 < entries[lane] {
+                        while slot > first && stack[slot - 1] < entry {
                             stack[slot] = stack[slot - 1];
                             slot -= 1;
                         }
-                        stack[slot] = (entries[lane], node.children[lane]);
+                        stack[slot] = entry;
                         waiting += 1;
                     }
                 }

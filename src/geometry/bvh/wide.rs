@@ -57,7 +57,7 @@ impl Packet {
 }
 
 /// What a lane of a node leads to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(transparent)]
 pub(crate) struct Child(pub(crate) u32);
 
@@ -69,9 +69,9 @@ pub(crate) enum Target {
 }
 
 impl Child {
-    const LEAF: u32 = 1 << 31;
-    const SHAPE: u32 = 1 << 30;
-    const INDEX: u32 = Self::SHAPE - 1;
+    pub(crate) const LEAF: u32 = 1 << 31;
+    pub(crate) const SHAPE: u32 = 1 << 30;
+    pub(crate) const INDEX: u32 = Self::SHAPE - 1;
 
     pub(crate) fn node(index: usize) -> Self {
         Self(Self::index(index))
