@@ -258,7 +258,7 @@ impl PathTracing {
     fn direct_light(
         &self,
         scene: &Scene,
-        shading: &Shading,
+        shading: &Shading<'_>,
         at: &Interaction,
         light: &EmitterSample,
         is_first: bool,
@@ -318,8 +318,8 @@ fn transmittance(scene: &Scene, mut ray: Ray) -> f32 {
 }
 
 /// A surface point seen from `wo`, ready to scatter.
-struct Shading {
-    bsdf: Bsdf,
+struct Shading<'a> {
+    bsdf: Bsdf<'a>,
     frame: Frame,
     /// Geometric normal on the side of the frame's normal.
     normal: Vec3,
@@ -327,8 +327,8 @@ struct Shading {
     wo: Vec3,
 }
 
-impl Shading {
-    fn new(material: &Material, at: &Interaction, wo: Vec3) -> Self {
+impl<'a> Shading<'a> {
+    fn new(material: &'a Material, at: &Interaction, wo: Vec3) -> Self {
         let mut frame = material.frame(at);
         // Some meshes have vertex normals against their winding: the normals decide which side is which.
         let mut normal = if at.normal.dot(frame.normal) < 0.0 { -at.normal } else { at.normal };
@@ -358,7 +358,7 @@ struct FeatureWalk {
 }
 
 impl FeatureWalk {
-    fn visit(&mut self, sample: &mut PathSample, shading: &Shading, at: &Interaction, t: f32) {
+    fn visit(&mut self, sample: &mut PathSample, shading: &Shading<'_>, at: &Interaction, t: f32) {
         self.hits += 1;
         if self.hits > 2 && self.is_surface_found {
             return;
