@@ -4,6 +4,7 @@ pub mod atomic;
 pub mod error;
 pub mod exr;
 pub mod layers;
+pub mod metrics;
 pub mod picture;
 pub mod png;
 pub mod srgb;
