@@ -1,3 +1,4 @@
 //! Laws of the whole system.
 
+mod sampling;
 mod support;
