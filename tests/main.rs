@@ -6,4 +6,5 @@ mod determinism;
 mod equal_energy;
 mod extremes;
 mod rays;
+mod sampling;
 mod support;
