@@ -107,11 +107,11 @@ enum Source {
 }
 
 impl Emitters {
-    /// `center` and `radius` are of a sphere around the scene and the camera. [`EmitterId`]s count along `emitters`.
+    /// `radius` is that of a sphere around the scene and the camera. [`EmitterId`]s count along `emitters`.
     ///
     /// # Panics
     /// When there is more than one environment.
-    pub fn new(emitters: Vec<Emitter>, _center: Vec3, radius: f32) -> Self {
+    pub fn new(emitters: Vec<Emitter>, radius: f32) -> Self {
         let sources: Vec<Source> = emitters.into_iter().map(Source::new).collect();
         let mut environments =
             (0..sources.len()).filter(|&i| matches!(sources[i], Source::Environment(_)));
@@ -195,14 +195,19 @@ impl Emitters {
         }
     }
 
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.sources.len()
+    }
+
     /// Are there none?
     pub fn is_empty(&self) -> bool {
-        todo!()
+        self.sources.is_empty()
     }
 
     /// Is there one that a camera could see: an area emitter or an environment?
     pub fn has_visible(&self) -> bool {
-        todo!()
+        self.sources.iter().any(|source| matches!(source, Source::Area(_) | Source::Environment(_)))
     }
 }
 

@@ -217,9 +217,4 @@ impl Camera {
     fn to_camera(&self, world: DVec3) -> DVec3 {
         self.rotation.transpose() * world
     }
-
-    /// Radius of the lens, in scene units; 0 for a pinhole.
-    pub fn lens_radius(&self) -> f32 {
-        todo!()
-    }
 }

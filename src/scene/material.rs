@@ -567,14 +567,4 @@ mod tests {
         }
         assert!(Material::from(Model::Null).is_null() && !diffuse(0.0).is_null());
     }
-
-    /// Does it scatter by diffuse lobes only?
-    pub fn is_diffuse_only(&self) -> bool {
-        todo!()
-    }
-
-    /// Does it have a delta lobe?
-    pub fn has_delta(&self) -> bool {
-        todo!()
-    }
 }

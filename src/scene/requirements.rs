@@ -30,9 +30,9 @@ impl Requirements {
         Self {
             has_specular: can_see_emitters || used().any(|material| !material.is_diffuse_only()),
             has_second_hit: scene.limits.max_depth.is_none_or(|depth| depth > 1),
-            has_emitters: !scene.emitters.is_empty(),
+            has_emitters: !scene.emitters.is_dark(),
             has_masks: scene.has_masks,
-            has_defocus: scene.camera.lens_radius() > 0.0,
+            has_defocus: scene.camera.aperture_radius() > 0.0,
             has_delta: used().any(|material| material.has_delta()),
         }
     }
