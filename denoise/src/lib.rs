@@ -1,13 +1,19 @@
 //! Image space: feature layers, denoisers and the metrics that judge them.
 
 pub mod atomic;
+pub mod bilateral;
 pub mod error;
 pub mod exr;
+mod lanes;
 pub mod layers;
 pub mod metrics;
 pub mod picture;
 pub mod png;
+pub mod sanitize;
+mod simd;
 pub mod srgb;
+pub mod variance;
+mod window;
 
 pub use error::Error;
 pub use layers::{Image, Layer, LayerKind, Layers};
