@@ -3,7 +3,7 @@
 pub mod camera;
 pub mod material;
 
-pub use camera::Camera;
+pub use camera::{Camera, CameraError, FovAxis, Perspective};
 pub use material::{Material, MaterialId};
 
 use crate::emitter::{EmitterId, Emitters};
