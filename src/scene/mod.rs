@@ -2,6 +2,9 @@
 
 pub mod camera;
 pub mod material;
+pub mod mesh_file;
+pub mod obj;
+pub mod ply;
 
 pub use camera::{Camera, CameraError, FovAxis, Perspective};
 pub use material::{Material, MaterialId};
