@@ -2,8 +2,9 @@
 
 use super::{EmitterSample, mean};
 use crate::math::distribution::Grid;
+use crate::math::rigid::rotation_and_scale;
 use crate::math::{Rgb, warp};
-use glam::{Mat3, Vec2, Vec3};
+use glam::{DMat3, Mat3, Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI;
 use thiserror::Error;
@@ -74,7 +75,7 @@ pub enum EnvironmentError {
     )]
     Transform {
         /// The columns of the matrix.
-        axes: [[f32; 3]; 3],
+        axes: [[f64; 3]; 3],
     },
 }
 
@@ -139,12 +140,14 @@ impl EnvironmentMap {
         [width, height]: [usize; 2],
         mut texels: Vec<Rgb>,
         scale: f32,
-        to_world: Mat3,
+        to_world: DMat3,
     ) -> Result<Self, EnvironmentError> {
         if texels.is_empty() || width.checked_mul(height) != Some(texels.len()) {
             return Err(EnvironmentError::Size { width, height, texels: texels.len() });
         }
-        let to_world = orthonormal(to_world)?;
+        let (rotation, _) = rotation_and_scale(to_world)
+            .ok_or_else(|| EnvironmentError::Transform { axes: to_world.to_cols_array_2d() })?;
+        let to_world = rotation.as_mat3();
         let mut invalid_texels = 0;
         for texel in &mut texels {
             let scaled = *texel * scale;
@@ -279,23 +282,4 @@ fn rows(width: usize, height: usize) -> Vec<Row> {
 fn split(value: f32, count: usize) -> (usize, f32) {
     let whole = (value as usize).min(count - 1);
     (whole, (value - whole as f32).min(1.0))
-}
-
-/// The rotation or rotary reflection in a matrix that may also scale uniformly.
-fn orthonormal(matrix: Mat3) -> Result<Mat3, EnvironmentError> {
-    let axes = matrix.to_cols_array_2d();
-    let [x, y, z] = axes.map(Vec3::from);
-    let scale = x.length();
-    let unit = matrix * (1.0 / scale);
-    let deviation = (unit.transpose() * unit - Mat3::IDENTITY).to_cols_array();
-    // Matrices in scene files are written with four digits or more.
-    let is_rigid = scale > 0.0 && deviation.iter().all(|value| value.abs() < 1e-3);
-    if !is_rigid {
-        return Err(EnvironmentError::Transform { axes });
-    }
-    // Gram and Schmidt, for what the digits lack.
-    let x = x.normalize();
-    let y = y.reject_from_normalized(x).normalize();
-    let right_handed = x.cross(y);
-    Ok(Mat3::from_cols(x, y, right_handed * right_handed.dot(z).signum()))
 }

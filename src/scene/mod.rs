@@ -7,7 +7,7 @@ pub mod obj;
 pub mod ply;
 mod requirements;
 
-pub use camera::Camera;
+pub use camera::{Camera, CameraError, FovAxis, Perspective};
 pub use material::{Material, MaterialId};
 pub use requirements::Requirements;
 
