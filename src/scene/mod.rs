@@ -1,12 +1,16 @@
 //! From a file to a [`Scene`] that can be rendered.
 
+mod build;
 pub mod camera;
+mod error;
 pub mod material;
 pub mod mesh_file;
 pub mod obj;
 pub mod ply;
+mod xml;
 
 pub use camera::Camera;
+pub use error::{Location, SceneError};
 pub use material::{Material, MaterialId};
 
 use crate::emitter::{EmitterId, Emitters};

@@ -182,8 +182,8 @@ pub(super) fn find_file(
             }
         }
     }
-    let folder = own.unwrap_or_default();
-    let expected = format!("a file in {}", if folder.as_os_str().is_empty() { "." } else { &folder.to_string_lossy() });
+    let folder = own.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| PathBuf::from("."));
+    let expected = format!("a file in {}", folder.display());
     Err(SceneError::value(location, what, format!("\"{filename}\""), expected))
 }
 
