@@ -1,1 +1,3 @@
 //! Laws of the whole system.
+
+mod support;

@@ -17,7 +17,7 @@ pub struct Material {
 
 impl Material {
     /// The scattering at a point.
-    pub fn bsdf(&self, _at: &Interaction) -> Bsdf {
+    pub fn bsdf(&self, _at: &Interaction) -> Bsdf<'_> {
         todo!()
     }
 

@@ -467,8 +467,8 @@ mod tests {
             assert!(warnings.contains(expected), "{expected}: {warnings}");
         }
         // The parser knows no such words in ascii files: an error with its line.
-        let text = String::from_utf8(ascii()).unwrap().replace("1 0 0", "nan 0 0");
+        let text = String::from_utf8(ascii()).unwrap().replace("1 1 0", "nan 1 0");
         let message = parse(text.as_bytes()).unwrap_err().to_string();
-        assert!(message.contains(":17: ") && message.contains("'nan 0 0"), "{message}");
+        assert!(message.contains(":18: ") && message.contains("nan 1 0"), "{message}");
     }
 }

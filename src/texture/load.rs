@@ -1,0 +1,383 @@
+//! Image files: PNG, JPEG and HDR by `image`, EXR by `exr`; linear Rec. 709 out of all of them.
+
+use crate::math::Rgb;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+/// Why an image could not be read.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {reason}", path.display())]
+pub struct ImageError {
+    /// The file.
+    pub path: PathBuf,
+    /// What was met, and what was expected.
+    pub reason: String,
+}
+
+/// More texels than this are refused: 2²⁷ of them take 1.6 GB as floats, and a damaged header easily asks for more.
+pub const MAX_TEXELS: u64 = 1 << 27;
+
+/// The sRGB transfer curve: a stored value in `[0, 1]` to a linear one (IEC 61966-2-1).
+pub fn srgb_to_linear(stored: f32) -> f32 {
+    if stored <= 0.04045 { stored / 12.92 } else { ((stored + 0.055) / 1.055).powf(2.4) }
+}
+
+/// What the 256 values of an 8-bit channel mean.
+pub(super) type Decoding = [f32; 256];
+
+static SRGB: LazyLock<Decoding> =
+    LazyLock::new(|| std::array::from_fn(|value| srgb_to_linear(value as f32 / 255.0)));
+static LINEAR: LazyLock<Decoding> =
+    LazyLock::new(|| std::array::from_fn(|value| value as f32 / 255.0));
+
+/// Texels, row by row from the top. Eight-bit files stay eight-bit: they are most of a scene's memory.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Texels {
+    /// One stored value a texel.
+    Gray8(Vec<u8>),
+    /// Three stored values a texel.
+    Rgb8(Vec<[u8; 3]>),
+    /// One linear value a texel.
+    Gray(Vec<f32>),
+    /// Three linear values a texel.
+    Rgb(Vec<Rgb>),
+}
+
+/// A decoded image. Alpha is dropped, as Mitsuba 3 does.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// Texels across; at least 1.
+    pub width: u32,
+    /// Texels down; at least 1.
+    pub height: u32,
+    /// Values, not finite nowhere.
+    texels: Texels,
+    decoding: &'static Decoding,
+    /// How many texels were not finite and were set to 0.
+    pub broken: usize,
+}
+
+impl Image {
+    /// Reads a file. Integer formats are taken as sRGB unless `raw`: then stored values are divided by their maximum.
+    /// Floating-point formats are linear in either case.
+    ///
+    /// # Errors
+    /// The file cannot be read, is truncated or corrupt, is of an unknown format, or has more than [`MAX_TEXELS`].
+    pub fn load(path: &Path, raw: bool) -> Result<Self, ImageError> {
+        let fail = |reason: String| ImageError { path: path.to_path_buf(), reason };
+        let bytes = std::fs::read(path).map_err(|error| fail(error.to_string()))?;
+        Self::decode(&bytes, raw).map_err(fail)
+    }
+
+    /// The image of these texels.
+    ///
+    /// # Panics
+    /// When there are not `width × height` texels, or none.
+    pub fn new(width: u32, height: u32, texels: Texels, raw: bool) -> Self {
+        let count = match &texels {
+            Texels::Gray8(values) => values.len(),
+            Texels::Rgb8(values) => values.len(),
+            Texels::Gray(values) => values.len(),
+            Texels::Rgb(values) => values.len(),
+        };
+        assert!(
+            count > 0 && count == width as usize * height as usize,
+            "{width}×{height} has {count} texels"
+        );
+        let mut image =
+            Self { width, height, texels, decoding: if raw { &LINEAR } else { &SRGB }, broken: 0 };
+        match &mut image.texels {
+            Texels::Gray(values) => {
+                for value in values.iter_mut().filter(|value| !value.is_finite()) {
+                    *value = 0.0;
+                    image.broken += 1;
+                }
+            }
+            Texels::Rgb(values) => {
+                for value in values.iter_mut().filter(|value| !value.is_finite()) {
+                    *value = Rgb::BLACK;
+                    image.broken += 1;
+                }
+            }
+            Texels::Gray8(_) | Texels::Rgb8(_) => {}
+        }
+        image
+    }
+
+    fn decode(bytes: &[u8], raw: bool) -> Result<Self, String> {
+        if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+            return Self::decode_exr(bytes);
+        }
+        if bytes.starts_with(b"#?") {
+            // Some writers sign with "#?RGBE": the reader need not look.
+            let decoder = image::codecs::hdr::HdrDecoder::new_nonstrict(Cursor::new(bytes))
+                .map_err(|error| error.to_string())?;
+            return Self::decode_pixels(decoder, raw);
+        }
+        let reader = image::ImageReader::new(Cursor::new(bytes))
+            .with_guessed_format()
+            .map_err(|error| error.to_string())?;
+        if reader.format().is_none() {
+            return Err("unknown image format; PNG, JPEG, HDR and EXR are known".to_owned());
+        }
+        let decoder = reader.into_decoder().map_err(|error| error.to_string())?;
+        Self::decode_pixels(decoder, raw)
+    }
+
+    fn decode_pixels(decoder: impl image::ImageDecoder, raw: bool) -> Result<Self, String> {
+        use image::DynamicImage;
+
+        let (width, height) = decoder.dimensions();
+        check_size(u64::from(width), u64::from(height))?;
+        let pixels = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
+        let linear = |stored: u16| {
+            let stored = f32::from(stored) / 65535.0;
+            if raw { stored } else { srgb_to_linear(stored) }
+        };
+        let texels = match pixels {
+            DynamicImage::ImageLuma8(_) | DynamicImage::ImageLumaA8(_) => {
+                Texels::Gray8(pixels.into_luma8().into_raw())
+            }
+            DynamicImage::ImageLuma16(_) | DynamicImage::ImageLumaA16(_) => {
+                Texels::Gray(pixels.into_luma16().into_raw().into_iter().map(linear).collect())
+            }
+            DynamicImage::ImageRgb16(_) | DynamicImage::ImageRgba16(_) => Texels::Rgb(
+                pixels.into_rgb16().pixels().map(|pixel| Rgb::from(pixel.0.map(linear))).collect(),
+            ),
+            DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
+                Texels::Rgb(pixels.into_rgb32f().pixels().map(|pixel| Rgb::from(pixel.0)).collect())
+            }
+            _ => Texels::Rgb8(pixels.into_rgb8().pixels().map(|pixel| pixel.0).collect()),
+        };
+        Ok(Self::new(width, height, texels, raw))
+    }
+
+    /// The first flat layer: its channels `R G B`, or else `Y`, or else its only channel. Its size is that of the data
+    /// window.
+    fn decode_exr(bytes: &[u8]) -> Result<Self, String> {
+        use exr::prelude::{ReadChannels, ReadLayers, read};
+
+        let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)
+            .map_err(|error| error.to_string())?;
+        for header in &meta.headers {
+            let size = header.layer_size;
+            check_size(size.width() as u64, size.height() as u64)?;
+        }
+        let image = read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .from_buffered(Cursor::new(bytes))
+            .map_err(|error| error.to_string())?;
+
+        let (width, height) = (image.layer_data.size.width(), image.layer_data.size.height());
+        let channels = &image.layer_data.channel_data.list;
+        let channel = |name: &str| {
+            let channel = channels.iter().find(|channel| channel.name.eq(name))?;
+            let full = channel.sampling == exr::math::Vec2(1, 1);
+            full.then(|| channel.sample_data.values_as_f32())
+        };
+        let texels = if let (Some(r), Some(g), Some(b)) = (channel("R"), channel("G"), channel("B"))
+        {
+            Texels::Rgb(r.zip(g).zip(b).map(|((r, g), b)| Rgb::new(r, g, b)).collect())
+        } else if let Some(y) = channel("Y") {
+            Texels::Gray(y.collect())
+        } else if let [only] = channels.as_slice() {
+            Texels::Gray(only.sample_data.values_as_f32().collect())
+        } else {
+            let names: Vec<String> =
+                channels.iter().map(|channel| channel.name.to_string()).collect();
+            return Err(format!("expected the channels R, G and B, or Y, found {names:?}"));
+        };
+        Ok(Self::new(width as u32, height as u32, texels, true))
+    }
+
+    /// Has each texel one value only?
+    pub fn is_gray(&self) -> bool {
+        matches!(self.texels, Texels::Gray8(_) | Texels::Gray(_))
+    }
+
+    /// The linear colour of a texel; row 0 is the top.
+    pub fn texel(&self, column: u32, row: u32) -> Rgb {
+        let index = row as usize * self.width as usize + column as usize;
+        match &self.texels {
+            Texels::Rgb8(values) => {
+                let [r, g, b] = values[index].map(|value| self.decoding[usize::from(value)]);
+                Rgb::new(r, g, b)
+            }
+            Texels::Rgb(values) => values[index],
+            Texels::Gray8(values) => Rgb::splat(self.decoding[usize::from(values[index])]),
+            Texels::Gray(values) => Rgb::splat(values[index]),
+        }
+    }
+
+    /// All linear colours, row by row from the top.
+    pub fn into_linear(self) -> Vec<Rgb> {
+        match self.texels {
+            Texels::Rgb(values) => values,
+            _ => (0..self.height)
+                .flat_map(|row| (0..self.width).map(move |column| (column, row)))
+                .map(|(column, row)| self.texel(column, row))
+                .collect(),
+        }
+    }
+
+    /// Mean linear colour of all texels.
+    pub fn mean(&self) -> Rgb {
+        let mut sum = [0.0f64; 3];
+        for row in 0..self.height {
+            for column in 0..self.width {
+                let texel = self.texel(column, row).to_array();
+                for (sum, value) in sum.iter_mut().zip(texel) {
+                    *sum += f64::from(value);
+                }
+            }
+        }
+        let count = f64::from(self.width) * f64::from(self.height);
+        Rgb::from(sum.map(|sum| (sum / count) as f32))
+    }
+}
+
+fn check_size(width: u64, height: u64) -> Result<(), String> {
+    if width == 0 || height == 0 {
+        return Err("the image has no pixels".to_owned());
+    }
+    match width.checked_mul(height) {
+        Some(count) if count <= MAX_TEXELS => Ok(()),
+        _ => Err(format!("the image has {width}×{height} pixels; at most {MAX_TEXELS} are read")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{DynamicImage, ImageFormat};
+
+    fn encode(pixels: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        pixels.write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    }
+
+    fn gradient() -> DynamicImage {
+        DynamicImage::ImageRgb32F(image::Rgb32FImage::from_fn(17, 9, |x, y| {
+            image::Rgb([x as f32 / 16.0, y as f32 / 8.0, 3.0])
+        }))
+    }
+
+    #[test]
+    fn srgb_is_decoded_unless_raw() {
+        // Values printed by Mitsuba 3.9.1 for the same 8-bit and 16-bit texels.
+        let gray8 =
+            DynamicImage::ImageLuma8(image::GrayImage::from_raw(2, 1, vec![128, 255]).unwrap());
+        let gray16 = image::ImageBuffer::from_raw(2, 1, vec![32767u16, 65535]).unwrap();
+        for (pixels, decoded, stored) in [
+            (gray8, 0.215_860_4, 0.501_960_8),
+            (DynamicImage::ImageLuma16(gray16), 0.213_989_26, 0.499_992_4),
+        ] {
+            let bytes = encode(&pixels, ImageFormat::Png);
+            let image = Image::decode(&bytes, false).unwrap();
+            assert!(image.is_gray());
+            assert!((image.texel(0, 0).g - decoded).abs() < 5e-5, "{:?}", image.texel(0, 0));
+            assert_eq!(image.texel(1, 0), Rgb::WHITE);
+            let image = Image::decode(&bytes, true).unwrap();
+            assert!((image.texel(0, 0).g - stored).abs() < 1e-6);
+        }
+        assert!((srgb_to_linear(0.040_45) - srgb_to_linear(0.040_450_01)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn every_format_gives_its_pixels() {
+        let rgb8 = DynamicImage::ImageRgb8(image::RgbImage::from_fn(16, 8, |x, _| {
+            image::Rgb([200, if x < 8 { 10 } else { 90 }, 30])
+        }));
+        for format in [ImageFormat::Png, ImageFormat::Jpeg] {
+            let image = Image::decode(&encode(&rgb8, format), true).unwrap();
+            assert_eq!((image.width, image.height), (16, 8));
+            // JPEG loses a little.
+            assert!((image.texel(15, 7).g - 90.0 / 255.0).abs() < 0.02, "{format:?}");
+            assert!((image.texel(0, 0).r - 200.0 / 255.0).abs() < 0.02);
+        }
+        for format in [ImageFormat::Hdr, ImageFormat::OpenExr] {
+            let image = Image::decode(&encode(&gradient(), format), false).unwrap();
+            let texel = image.texel(8, 2);
+            let expected = Rgb::new(0.5, 0.25, 3.0);
+            // RGBE shares an exponent: 8 bits of the largest component.
+            assert!(
+                (texel - expected).map(f32::abs).max_component() < 0.01,
+                "{format:?} {texel:?}"
+            );
+        }
+        let mut rgbe = encode(&gradient(), ImageFormat::Hdr);
+        rgbe.splice(0..10, *b"#?RGBE");
+        assert!(Image::decode(&rgbe, false).is_ok());
+    }
+
+    #[test]
+    fn exr_of_one_channel_is_gray_and_others_are_refused() {
+        use exr::prelude::*;
+        let write = |names: &[&str]| {
+            let channels = names.iter().map(|&name| {
+                AnyChannel::new(name, FlatSamples::F32(vec![0.25, f32::NAN, 1.0, 2.0]))
+            });
+            let channels = AnyChannels::sort(channels.collect());
+            let mut bytes = Cursor::new(Vec::new());
+            Image::from_channels((2, 2), channels).write().to_buffered(&mut bytes).unwrap();
+            super::Image::decode(&bytes.into_inner(), false)
+        };
+        for names in [&["Y"][..], &["depth"]] {
+            let image = write(names).unwrap();
+            assert!(image.is_gray());
+            assert_eq!(image.texel(0, 0), Rgb::splat(0.25));
+            assert_eq!((image.texel(1, 0), image.broken), (Rgb::BLACK, 1));
+        }
+        assert_eq!(write(&["A", "B", "G", "R"]).unwrap().broken, 1);
+        assert!(write(&["X", "Z"]).unwrap_err().contains("R, G and B"));
+    }
+
+    #[test]
+    fn truncated_and_damaged_files_never_panic() {
+        let rgb8 = DynamicImage::ImageRgb8(gradient().into_rgb8());
+        for (pixels, format) in [
+            (&rgb8, ImageFormat::Png),
+            (&rgb8, ImageFormat::Jpeg),
+            (&gradient(), ImageFormat::Hdr),
+            (&gradient(), ImageFormat::OpenExr),
+        ] {
+            let bytes = encode(pixels, format);
+            for length in 0..bytes.len() {
+                let result = Image::decode(&bytes[..length], false);
+                if format == ImageFormat::OpenExr {
+                    assert!(result.is_err(), "{length} of {} bytes", bytes.len());
+                }
+            }
+            for position in 0..bytes.len() {
+                for value in [0, 0x7f, 0xff] {
+                    let mut bytes = bytes.clone();
+                    bytes[position] = value;
+                    if let Ok(image) = Image::decode(&bytes, false) {
+                        image.texel(image.width - 1, image.height - 1);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn errors_name_the_file() {
+        let message = Image::load(Path::new("/none/wood.png"), false).unwrap_err().to_string();
+        assert!(message.contains("/none/wood.png"));
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        std::io::Write::write_all(&mut file, b"not an image").unwrap();
+        let message = Image::load(file.path(), false).unwrap_err().to_string();
+        assert!(message.contains("unknown image format") && message.contains("EXR"), "{message}");
+        // A PNG that claims to be 2³¹ − 1 pixels wide and high.
+        let mut png = encode(&DynamicImage::new_luma8(1, 1), ImageFormat::Png);
+        png[16..24].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff]);
+        assert!(Image::decode(&png, false).is_err());
+        assert!(check_size(1 << 14, (1 << 13) + 1).unwrap_err().contains("16384×8193"));
+    }
+}
