@@ -45,12 +45,33 @@ pub(super) enum Shape {
 pub(super) enum Light {
     /// Radiant intensity the same in all directions.
     Point { position: DVec3, intensity: Rgb },
-    /// Full intensity around `direction` up to `beam_width`, falling to nothing at `cutoff_angle` (both from the axis).
+    /// Full intensity around `direction` up to `beam_degrees`, falling to nothing at `cutoff_degrees`, both from the axis.
     Spot { position: DVec3, direction: DVec3, intensity: Rgb, cutoff_degrees: f64, beam_degrees: f64 },
-    /// Parallel light travelling along `direction`; irradiance of a surface across it.
-    Directional { direction: DVec3, irradiance: Rgb },
-    /// The same radiance from everywhere.
-    Constant { radiance: Rgb },
+    /// From infinity: it does not matter where the scene is.
+    Infinite(Emitter),
+}
+
+impl Light {
+    /// Does it shine from all directions? There can only be one such.
+    pub(super) fn is_environment(&self) -> bool {
+        matches!(self, Self::Infinite(Emitter::Environment(_)))
+    }
+
+    fn into_emitter(self, origin: DVec3) -> Emitter {
+        match self {
+            Self::Point { position, intensity } => {
+                Emitter::Point { position: (position - origin).as_vec3(), intensity }
+            }
+            Self::Spot { position, direction, intensity, cutoff_degrees, beam_degrees } => Emitter::Spot {
+                position: (position - origin).as_vec3(),
+                direction: direction.as_vec3(),
+                intensity,
+                cutoff_angle: cutoff_degrees as f32,
+                beam_width: beam_degrees as f32,
+            },
+            Self::Infinite(emitter) => emitter,
+        }
+    }
 }
 
 /// A camera that looks along +z of its own space, with +y up and +x to the left.
@@ -118,6 +139,7 @@ impl Description {
             parts.push(part);
             surfaces.push(Surface { material, emitter });
         }
+        emitters.extend(self.lights.into_iter().map(|light| light.into_emitter(origin)));
         let geometry = Geometry::new(parts);
         let eye = (self.camera.to_world.transform_point3(DVec3::ZERO) - origin).as_vec3();
         let (center, radius) = bounding_sphere(geometry.bounds(), eye);

@@ -1,5 +1,6 @@
 //! What can be wrong with a scene, said so that its author can mend it.
 
+use super::material::NestingError;
 use std::error::Error;
 use std::fmt;
 use std::io;
@@ -82,6 +83,14 @@ pub enum SceneError {
         location: Location,
         /// What.
         what: String,
+    },
+    /// Materials nested in a way that has no meaning here.
+    #[error("{location}: {source}")]
+    Nesting {
+        /// Where the outer one starts.
+        location: Location,
+        /// Why.
+        source: NestingError,
     },
     /// One thing said twice.
     #[error("{location}: {what} was already given at {previous}")]

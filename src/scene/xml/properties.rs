@@ -94,6 +94,12 @@ impl<'a> Properties<'a> {
         self.plugin.properties.iter().any(|property| property.name == name)
     }
 
+    /// Is the property given as a text? Does not count as asking for it.
+    pub(super) fn is_string(&self, name: &str) -> bool {
+        let property = self.plugin.properties.iter().find(|property| property.name == name);
+        matches!(property, Some(Property { value: Value::String(_), .. }))
+    }
+
     /// `true` or `false`.
     pub(super) fn boolean(&mut self, name: &'static str, default: bool) -> Result<bool, SceneError> {
         let value = self.typed(name, "a boolean", |value| match value {
@@ -178,20 +184,6 @@ impl<'a> Properties<'a> {
         }
     }
 
-    /// A colour or number, if given; as radiance or index of refraction, any value from 0 up.
-    pub(super) fn color(&mut self, name: &'static str) -> Result<Option<Rgb>, SceneError> {
-        let color = self.typed(name, "a color", |value| match value {
-            Value::Color(color) => Some(*color),
-            Value::Float(value) => Some(DVec3::splat(*value)),
-            Value::Integer(value) => Some(DVec3::splat(*value as f64)),
-            _ => None,
-        })?;
-        match color {
-            Some(color) if color.min_element() < 0.0 => Err(self.wrong(name, color.to_string(), "no negative value")),
-            _ => Ok(color.map(rgb)),
-        }
-    }
-
     /// What stands where a texture may stand, if anything.
     pub(super) fn texture(&mut self, name: &'static str) -> Result<Option<TextureValue>, SceneError> {
         let document = self.document;
@@ -232,12 +224,6 @@ impl<'a> Properties<'a> {
                 previous: self.document[first].location.clone(),
             }),
         }
-    }
-
-    /// The first texture plugin whatever its name, for plugins that take just one.
-    pub(super) fn any_texture(&mut self) -> Option<PluginId> {
-        let textures = self.plugins("texture");
-        textures.first().copied()
     }
 
     /// The file that the property `filename` names, and where it is named.
