@@ -4,7 +4,7 @@
 //! that say nothing of the mesh are dropped. `tobj` then reads the numbers and joins the indices.
 
 use super::mesh_file::{MeshError, RawMesh};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -168,11 +168,10 @@ impl Regular {
                         regular.flat_faces += 1;
                     }
                 }
+                Some("o" | "g" | "usemtl" | "mtllib") if !keep_names => {}
                 Some("o" | "g" | "usemtl" | "mtllib") => {
-                    if keep_names {
-                        regular.text.push_str(line.trim());
-                        regular.text.push('\n');
-                    }
+                    regular.text.push_str(line.trim());
+                    regular.text.push('\n');
                 }
                 // Smoothing groups serve only to compute normals that the file does not give.
                 Some("s") => {}
@@ -293,6 +292,7 @@ fn logical_lines(text: &str) -> impl Iterator<Item = (usize, std::borrow::Cow<'_
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
     use std::io::Write as _;
 
     fn parse(text: &str) -> Result<RawMesh, MeshError> {
