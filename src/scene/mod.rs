@@ -9,14 +9,13 @@ pub mod obj;
 pub mod ply;
 mod xml;
 
-pub use camera::Camera;
+pub use camera::{Camera, CameraError, FovAxis, Perspective};
 pub use error::{Location, SceneError};
 pub use material::{Material, MaterialId};
 
 use crate::emitter::{EmitterId, Emitters};
 use crate::geometry::Geometry;
-
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What may be changed about a scene while it is loaded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -94,6 +93,6 @@ impl Scene {
     }
 }
 
-fn find_scene(path: &Path) -> Result<std::path::PathBuf, SceneError> {
+fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
     Ok(if path.is_dir() { path.join("scene.xml") } else { path.to_path_buf() })
 }

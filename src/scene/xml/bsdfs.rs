@@ -40,7 +40,8 @@ pub(super) fn material(
     let material = match properties.name() {
         "twosided" => two_sided(&mut properties, images)?,
         "mask" => {
-            let opacity = textures::texture(&mut properties, "opacity", 0.5, Range::UnitInterval, images)?;
+            let opacity =
+                textures::texture(&mut properties, "opacity", 0.5, Range::UnitInterval, images)?;
             let nested = nested(&mut properties, images)?;
             nested.masked(opacity).map_err(|error| refuse(&properties, error))?
         }
@@ -58,11 +59,16 @@ pub(super) fn material(
             nested.normal_mapped(normals).map_err(|error| refuse(&properties, error))?
         }
         "blendbsdf" => {
-            let weight = textures::texture(&mut properties, "weight", 0.5, Range::UnitInterval, images)?;
+            let weight =
+                textures::texture(&mut properties, "weight", 0.5, Range::UnitInterval, images)?;
             let [first, second] = properties.plugins("bsdf")[..] else {
-                return Err(SceneError::missing(properties.location(), "one of the two bsdfs to blend"));
+                return Err(SceneError::missing(
+                    properties.location(),
+                    "one of the two bsdfs to blend",
+                ));
             };
-            let [first, second] = [material(document, first, images)?, material(document, second, images)?];
+            let [first, second] =
+                [material(document, first, images)?, material(document, second, images)?];
             Material::blend(weight, first, second).map_err(|error| refuse(&properties, error))?
         }
         _ => model(&mut properties, images)?.into(),
@@ -76,21 +82,34 @@ fn refuse(properties: &Properties<'_>, source: NestingError) -> SceneError {
 }
 
 /// The material inside an adapter.
-fn nested(properties: &mut Properties<'_>, images: &mut ImageCache) -> Result<Material, SceneError> {
+fn nested(
+    properties: &mut Properties<'_>,
+    images: &mut ImageCache,
+) -> Result<Material, SceneError> {
     let document = properties.document;
     let id = properties.plugin("bsdf")?;
-    let missing = || SceneError::missing(properties.location(), format!("the bsdf of {}", properties.title()));
+    let missing = || {
+        SceneError::missing(properties.location(), format!("the bsdf of {}", properties.title()))
+    };
     material(document, id.ok_or_else(missing)?, images)
 }
 
-fn any_texture(properties: &mut Properties<'_>, images: &mut ImageCache) -> Result<Texture, SceneError> {
+fn any_texture(
+    properties: &mut Properties<'_>,
+    images: &mut ImageCache,
+) -> Result<Texture, SceneError> {
     let document = properties.document;
     let id = properties.plugin("texture")?;
-    let missing = || SceneError::missing(properties.location(), format!("the texture of {}", properties.title()));
+    let missing = || {
+        SceneError::missing(properties.location(), format!("the texture of {}", properties.title()))
+    };
     textures::plugin(document, id.ok_or_else(missing)?, Range::Positive, images)
 }
 
-fn two_sided(properties: &mut Properties<'_>, images: &mut ImageCache) -> Result<Material, SceneError> {
+fn two_sided(
+    properties: &mut Properties<'_>,
+    images: &mut ImageCache,
+) -> Result<Material, SceneError> {
     let document = properties.document;
     let sides = properties.plugins("bsdf");
     if let [first, second, ..] = sides[..]
@@ -105,7 +124,10 @@ fn two_sided(properties: &mut Properties<'_>, images: &mut ImageCache) -> Result
         ));
     }
     let Some(side) = sides.first() else {
-        return Err(SceneError::missing(properties.location(), format!("the bsdf of {}", properties.title())));
+        return Err(SceneError::missing(
+            properties.location(),
+            format!("the bsdf of {}", properties.title()),
+        ));
     };
     let nested = material(document, *side, images)?;
     // A mask lets light pass from both sides alike, but glass has an inside.
@@ -125,7 +147,9 @@ fn model(properties: &mut Properties<'_>, images: &mut ImageCache) -> Result<Mod
     let unit = Range::UnitInterval;
     Ok(match properties.name() {
         "null" => Model::Null,
-        "diffuse" => Model::Diffuse(textures::texture(properties, "reflectance", 0.5, unit, images)?),
+        "diffuse" => {
+            Model::Diffuse(textures::texture(properties, "reflectance", 0.5, unit, images)?)
+        }
         "conductor" => conductor(properties, None, images)?,
         "roughconductor" => {
             let roughness = roughness(properties, images)?;
@@ -139,15 +163,26 @@ fn model(properties: &mut Properties<'_>, images: &mut ImageCache) -> Result<Mod
         "thindielectric" => Model::ThinDielectric {
             eta: relative_index(properties, "bk7")?,
             reflectance: textures::texture(properties, "specular_reflectance", 1.0, unit, images)?,
-            transmittance: textures::texture(properties, "specular_transmittance", 1.0, unit, images)?,
+            transmittance: textures::texture(
+                properties,
+                "specular_transmittance",
+                1.0,
+                unit,
+                images,
+            )?,
         },
         "plastic" | "roughplastic" => {
             let eta = relative_index(properties, "polypropylene")?;
             if eta == 1.0 {
-                return Err(properties.wrong("int_ior", "equal to ext_ior", "another index: nothing would reflect"));
+                return Err(properties.wrong(
+                    "int_ior",
+                    "equal to ext_ior",
+                    "another index: nothing would reflect",
+                ));
             }
             let diffuse = textures::texture(properties, "diffuse_reflectance", 0.5, unit, images)?;
-            let specular = textures::texture(properties, "specular_reflectance", 1.0, unit, images)?;
+            let specular =
+                textures::texture(properties, "specular_reflectance", 1.0, unit, images)?;
             let is_nonlinear = properties.boolean("nonlinear", false)?;
             if properties.name() == "plastic" {
                 Model::Plastic { diffuse, specular, coat: Coat::new(eta, is_nonlinear) }
@@ -181,12 +216,18 @@ fn conductor(
         Some(index) => index,
         None => {
             let kind = format!("material of {}", properties.title());
-            return Err(SceneError::unknown(properties.location_of("material"), kind, name, metals::names()));
+            return Err(SceneError::unknown(
+                properties.location_of("material"),
+                kind,
+                name,
+                metals::names(),
+            ));
         }
     };
     // Of version 0.6: the index of what is around the metal.
     let outside = index(properties, "ext_eta", "vacuum")?;
-    let tint = textures::texture(properties, "specular_reflectance", 1.0, Range::UnitInterval, images)?;
+    let tint =
+        textures::texture(properties, "specular_reflectance", 1.0, Range::UnitInterval, images)?;
     let [eta, k]: [Rgb; 2] = [eta / outside, k / outside];
     Ok(Model::Conductor { eta, k, tint, roughness })
 }
@@ -198,7 +239,11 @@ fn dielectric(
 ) -> Result<Model, SceneError> {
     let eta = relative_index(properties, "bk7")?;
     if roughness.is_some() && eta == 1.0 {
-        return Err(properties.wrong("int_ior", "equal to ext_ior", "another index, or bsdf \"null\""));
+        return Err(properties.wrong(
+            "int_ior",
+            "equal to ext_ior",
+            "another index, or bsdf \"null\"",
+        ));
     }
     let unit = Range::UnitInterval;
     Ok(Model::Dielectric {
@@ -212,18 +257,23 @@ fn dielectric(
 fn distribution(properties: &mut Properties<'_>) -> Result<Distribution, SceneError> {
     // Visible normals are always sampled.
     properties.ignore(&["sample_visible"]);
-    properties.choice("distribution", &[("beckmann", Distribution::Beckmann), ("ggx", Distribution::Ggx)])
+    properties
+        .choice("distribution", &[("beckmann", Distribution::Beckmann), ("ggx", Distribution::Ggx)])
 }
 
-fn roughness(properties: &mut Properties<'_>, images: &mut ImageCache) -> Result<Roughness, SceneError> {
+fn roughness(
+    properties: &mut Properties<'_>,
+    images: &mut ImageCache,
+) -> Result<Roughness, SceneError> {
     let distribution = distribution(properties)?;
-    let mut alpha =
-        |name| textures::texture(properties, name, 0.1, Range::Positive, images);
+    let mut alpha = |name| textures::texture(properties, name, 0.1, Range::Positive, images);
     let (both, along, across) = (alpha("alpha")?, alpha("alpha_u")?, alpha("alpha_v")?);
     match ["alpha", "alpha_u", "alpha_v"].map(|name| properties.has(name)) {
         [_, false, false] => Ok(Roughness { distribution, alpha: Box::new([both.clone(), both]) }),
         [false, true, true] => Ok(Roughness { distribution, alpha: Box::new([along, across]) }),
-        [true, ..] => Err(properties.wrong("alpha", "given beside alpha_u or alpha_v", "one or the others")),
+        [true, ..] => {
+            Err(properties.wrong("alpha", "given beside alpha_u or alpha_v", "one or the others"))
+        }
         [_, true, _] => Err(properties.wrong("alpha_u", "given alone", "alpha_v beside it")),
         [..] => Err(properties.wrong("alpha_v", "given alone", "alpha_u beside it")),
     }
@@ -235,7 +285,11 @@ fn relative_index(properties: &mut Properties<'_>, inside: &str) -> Result<f32, 
 }
 
 /// A refractive index as a number or as the name of a medium.
-fn index(properties: &mut Properties<'_>, name: &'static str, default: &str) -> Result<f32, SceneError> {
+fn index(
+    properties: &mut Properties<'_>,
+    name: &'static str,
+    default: &str,
+) -> Result<f32, SceneError> {
     let medium = if properties.is_string(name) { properties.string(name)? } else { None };
     if let Some(medium) = medium {
         return media::index(medium).ok_or_else(|| {

@@ -16,7 +16,11 @@ const KNOWN: [&str; 5] = ["constant", "directional", "envmap", "point", "spot"];
 ///
 /// # Errors
 /// Another plugin, a property that does not fit, or an image that cannot be read.
-pub(super) fn area(document: &Document, id: PluginId, images: &mut ImageCache) -> Result<Texture, SceneError> {
+pub(super) fn area(
+    document: &Document,
+    id: PluginId,
+    images: &mut ImageCache,
+) -> Result<Texture, SceneError> {
     let mut properties = Properties::new(document, id);
     if properties.name() != "area" {
         return Err(properties.unknown_plugin(&["area"]));
@@ -47,7 +51,12 @@ pub(super) fn light(
     let light = match properties.name() {
         "area" => {
             let expected = "an emitter nested in a shape";
-            return Err(SceneError::value(properties.location(), properties.title(), "in the scene", expected));
+            return Err(SceneError::value(
+                properties.location(),
+                properties.title(),
+                "in the scene",
+                expected,
+            ));
         }
         "point" => {
             let to_world = properties.transform("to_world")?;
@@ -59,10 +68,12 @@ pub(super) fn light(
         }
         "spot" => {
             let to_world = properties.transform("to_world")?;
-            let cutoff = properties
-                .float_in("cutoff_angle", 20.0, "more than 0, at most 180 degrees", |angle| {
-                    angle > 0.0 && angle <= 180.0
-                })?;
+            let cutoff = properties.float_in(
+                "cutoff_angle",
+                20.0,
+                "more than 0, at most 180 degrees",
+                |angle| angle > 0.0 && angle <= 180.0,
+            )?;
             let beam = properties.float_in(
                 "beam_width",
                 cutoff * 0.75,
@@ -87,7 +98,10 @@ pub(super) fn light(
                 None => to_world.transform_vector3(DVec3::Z),
             };
             let irradiance = textures::color(&mut properties, "irradiance", 1.0, images)?;
-            Light::Infinite(Emitter::Directional { direction: direction.normalize().as_vec3(), irradiance })
+            Light::Infinite(Emitter::Directional {
+                direction: direction.normalize().as_vec3(),
+                irradiance,
+            })
         }
         "constant" => {
             let radiance = textures::color(&mut properties, "radiance", 1.0, images)?;
@@ -100,10 +114,13 @@ pub(super) fn light(
     Ok(light)
 }
 
-fn environment_map(properties: &mut Properties<'_>, warnings: &mut Vec<String>) -> Result<Light, SceneError> {
+fn environment_map(
+    properties: &mut Properties<'_>,
+    warnings: &mut Vec<String>,
+) -> Result<Light, SceneError> {
     let path = properties.file()?;
     let scale = properties.float_in("scale", 1.0, "0 or more", |scale| scale >= 0.0)?;
-    let to_world = DMat3::from_mat4(properties.transform("to_world")?).as_mat3();
+    let to_world = DMat3::from_mat4(properties.transform("to_world")?);
     // A choice of how to sample, not of what there is to see.
     properties.ignore(&["mis_compensation"]);
     let location = properties.location_of("filename");
@@ -113,7 +130,10 @@ fn environment_map(properties: &mut Properties<'_>, warnings: &mut Vec<String>) 
         .map_err(|error| SceneError::asset(properties.location(), error))?;
     if map.invalid_texels() > 0 {
         let count = map.invalid_texels();
-        warnings.push(format!("{}: {count} texels are negative, too large or no number", path.display()));
+        warnings.push(format!(
+            "{}: {count} texels are negative, too large or no number",
+            path.display()
+        ));
     }
     Ok(Light::Infinite(Emitter::Environment(Environment::Map(map))))
 }

@@ -69,7 +69,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Description, Sc
             let location = &document[id].location;
             if let Some(previous) = environment.replace(location) {
                 let (location, previous) = (location.clone(), previous.clone());
-                return Err(SceneError::Duplicate { location, what: "the environment".to_owned(), previous });
+                return Err(SceneError::Duplicate {
+                    location,
+                    what: "the environment".to_owned(),
+                    previous,
+                });
             }
         }
         lights.push(light);
@@ -168,7 +172,8 @@ fn unused_definitions(document: &Document) -> Option<String> {
             _ => None,
         })
     };
-    let (definitions, mut open): (Vec<_>, Vec<_>) = nested(document.root()).partition(|id| is_definition(*id));
+    let (definitions, mut open): (Vec<_>, Vec<_>) =
+        nested(document.root()).partition(|id| is_definition(*id));
     let mut is_used = vec![false; document.plugins.len()];
     while let Some(id) = open.pop() {
         if !std::mem::replace(&mut is_used[id.0 as usize], true) {

@@ -77,7 +77,12 @@ impl<'a> Properties<'a> {
     }
 
     /// A value that does not fit, at the place of the property that holds it.
-    pub(super) fn wrong(&self, name: &str, found: impl Into<String>, expected: impl Into<String>) -> SceneError {
+    pub(super) fn wrong(
+        &self,
+        name: &str,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> SceneError {
         let property = self.plugin.properties.iter().find(|property| property.name == name);
         let location = property.map_or(self.location(), |property| &property.location);
         SceneError::value(location, format!("\"{name}\" of {}", self.title()), found, expected)
@@ -101,7 +106,11 @@ impl<'a> Properties<'a> {
     }
 
     /// `true` or `false`.
-    pub(super) fn boolean(&mut self, name: &'static str, default: bool) -> Result<bool, SceneError> {
+    pub(super) fn boolean(
+        &mut self,
+        name: &'static str,
+        default: bool,
+    ) -> Result<bool, SceneError> {
         let value = self.typed(name, "a boolean", |value| match value {
             Value::Boolean(value) => Some(*value),
             _ => None,
@@ -157,7 +166,12 @@ impl<'a> Properties<'a> {
             Some((_, choice)) => Ok(*choice),
             None => {
                 let known = choices.iter().map(|(word, _)| word);
-                Err(SceneError::unknown(self.location_of(name), format!("{name} of {}", self.title()), found, known))
+                Err(SceneError::unknown(
+                    self.location_of(name),
+                    format!("{name} of {}", self.title()),
+                    found,
+                    known,
+                ))
             }
         }
     }
@@ -177,7 +191,10 @@ impl<'a> Properties<'a> {
             _ => None,
         })?;
         let Some(transform) = transform else { return Ok(DMat4::IDENTITY) };
-        if transform.is_finite() && transform.inverse().is_finite() && transform.determinant() != 0.0 {
+        if transform.is_finite()
+            && transform.inverse().is_finite()
+            && transform.determinant() != 0.0
+        {
             Ok(transform)
         } else {
             Err(self.wrong(name, "not invertible", "a transform that loses no dimension"))
@@ -185,7 +202,10 @@ impl<'a> Properties<'a> {
     }
 
     /// What stands where a texture may stand, if anything.
-    pub(super) fn texture(&mut self, name: &'static str) -> Result<Option<TextureValue>, SceneError> {
+    pub(super) fn texture(
+        &mut self,
+        name: &'static str,
+    ) -> Result<Option<TextureValue>, SceneError> {
         let document = self.document;
         self.typed(name, "a texture, color or number", |value| match value {
             Value::Color(color) => Some(TextureValue::Color(*color)),
@@ -230,8 +250,14 @@ impl<'a> Properties<'a> {
     pub(super) fn file(&mut self) -> Result<std::path::PathBuf, SceneError> {
         let title = self.title();
         let filename = self.string("filename")?;
-        let filename = filename.ok_or_else(|| SceneError::missing(self.location(), format!("\"filename\" of {title}")))?;
-        self.document.find_file(filename, &format!("\"filename\" of {title}"), self.location_of("filename"))
+        let filename = filename.ok_or_else(|| {
+            SceneError::missing(self.location(), format!("\"filename\" of {title}"))
+        })?;
+        self.document.find_file(
+            filename,
+            &format!("\"filename\" of {title}"),
+            self.location_of("filename"),
+        )
     }
 
     /// Properties that change nothing in the picture, or nothing that this renderer does.
@@ -244,17 +270,25 @@ impl<'a> Properties<'a> {
     /// # Errors
     /// [`SceneError::Unknown`] for a property that was never asked for.
     pub(super) fn finish(self) -> Result<(), SceneError> {
-        let unused = self.plugin.properties.iter().zip(&self.is_used).find(|(_, is_used)| !**is_used);
+        let unused =
+            self.plugin.properties.iter().zip(&self.is_used).find(|(_, is_used)| !**is_used);
         let Some((property, _)) = unused else { return Ok(()) };
         match property.value {
-            Value::Plugin(id) if property.name.is_empty() || !self.known.contains(&property.name.as_str()) => {
+            Value::Plugin(id)
+                if property.name.is_empty() || !self.known.contains(&property.name.as_str()) =>
+            {
                 let nested = &self.document[id];
                 let kind = format!("{} inside {}", nested.kind, self.title());
                 Err(SceneError::unknown(&property.location, kind, nested.name.as_str(), self.known))
             }
             _ => {
                 let kind = format!("property of {}", self.title());
-                Err(SceneError::unknown(&property.location, kind, property.name.as_str(), self.known))
+                Err(SceneError::unknown(
+                    &property.location,
+                    kind,
+                    property.name.as_str(),
+                    self.known,
+                ))
             }
         }
     }

@@ -2,9 +2,10 @@
 
 use super::document::{Document, PluginId};
 use super::properties::Properties;
-use crate::scene::build::{CameraDescription, FovAxis};
+use crate::scene::camera::{Camera, CameraError, FovAxis, Perspective};
 use crate::scene::error::SceneError;
 use crate::scene::{FilmSettings, PathLimits};
+use glam::DVec2;
 
 /// Most pixels of a picture. Feature buffers take about 400 bytes a pixel.
 const MAX_PIXELS: u64 = 1 << 27;
@@ -17,7 +18,7 @@ const DEFAULT_RR_DEPTH: u32 = 5;
 
 /// What a sensor says.
 pub(super) struct Sensor {
-    pub(super) camera: CameraDescription,
+    pub(super) camera: Perspective,
     pub(super) film: FilmSettings,
     pub(super) samples: u32,
 }
@@ -45,57 +46,64 @@ pub(super) fn sensor(
         Some(sampler) => self::sampler(document, sampler)?,
         None => DEFAULT_SAMPLES,
     };
-    let camera = camera(&mut properties, f64::from(film.width) / f64::from(film.height))?;
+    let camera = camera(&mut properties, &film)?;
     properties.finish()?;
     Ok(Sensor { camera, film, samples })
 }
 
-fn camera(properties: &mut Properties<'_>, aspect: f64) -> Result<CameraDescription, SceneError> {
+fn camera(properties: &mut Properties<'_>, film: &FilmSettings) -> Result<Perspective, SceneError> {
     let has_lens = match properties.name() {
         "perspective" => false,
         "thinlens" => true,
         _ => return Err(properties.unknown_plugin(&["perspective", "thinlens"])),
     };
-    let to_world = properties.transform("to_world")?;
-    let fov_degrees = field_of_view(properties, aspect)?;
-    let is_positive = |value: f64| value > 0.0;
-    let near_clip = properties.float_in("near_clip", 1e-2, "more than 0", is_positive)?;
-    let far_clip = properties.float_in("far_clip", 1e4, "more than near_clip", |far| far > near_clip)?;
-    let focus_distance = properties.float_in("focus_distance", far_clip, "more than 0", is_positive)?;
-    let aperture_radius = if has_lens {
-        if !properties.has("aperture_radius") {
-            let what = format!("\"aperture_radius\" of {}", properties.title());
-            return Err(SceneError::missing(properties.location(), what));
-        }
-        properties.float_in("aperture_radius", 0.0, "0 or more", |radius| radius >= 0.0)?
-    } else {
-        0.0
-    };
-    let mut principal_point = [0.0; 2];
-    for (offset, name) in
-        principal_point.iter_mut().zip(["principal_point_offset_x", "principal_point_offset_y"])
-    {
-        *offset = properties.float_in(name, 0.0, "a finite number", f64::is_finite)?;
+    let (fov, fov_axis) = field_of_view(properties)?;
+    let far_clip = properties.float("far_clip")?.unwrap_or(1e4);
+    if has_lens && !properties.has("aperture_radius") {
+        let what = format!("\"aperture_radius\" of {}", properties.title());
+        return Err(SceneError::missing(properties.location(), what));
     }
+    let aperture_radius =
+        if has_lens { properties.float("aperture_radius")?.unwrap_or(0.0) } else { 0.0 };
+    let principal_point_offset = DVec2::new(
+        properties.float("principal_point_offset_x")?.unwrap_or(0.0),
+        properties.float("principal_point_offset_y")?.unwrap_or(0.0),
+    );
     let open = properties.float("shutter_open")?.unwrap_or(0.0);
     let close = properties.float("shutter_close")?.unwrap_or(0.0);
     if open > close {
-        return Err(properties.wrong("shutter_close", close.to_string(), "no less than shutter_open"));
+        return Err(properties.wrong(
+            "shutter_close",
+            close.to_string(),
+            "no less than shutter_open",
+        ));
     }
-    Ok(CameraDescription {
-        to_world,
-        x_fov_degrees: fov_degrees,
-        principal_point,
-        aperture_radius,
-        focus_distance,
-        near_clip,
+    let camera = Perspective {
+        to_world: properties.transform("to_world")?,
+        fov,
+        fov_axis,
+        film: [film.width, film.height],
+        principal_point_offset,
+        near_clip: properties.float("near_clip")?.unwrap_or(1e-2),
         far_clip,
-    })
+        aperture_radius,
+        // A pinhole shows everything sharply, whatever the file says of it.
+        focus_distance: properties.float("focus_distance")?.unwrap_or(far_clip),
+    };
+    Camera::perspective(&camera).map_err(|error| match error {
+        CameraError::Range { name, found, expected } => {
+            properties.wrong(name, found.to_string(), expected)
+        }
+        CameraError::Transform { .. } => {
+            properties.wrong("to_world", "scaled or sheared", "turned and moved only")
+        }
+    })?;
+    Ok(camera)
 }
 
-/// Degrees across the picture from left to right, from `fov` along `fov_axis` or from `focal_length`, as Mitsuba 3
+/// Degrees and the side of the picture that they span, from `fov` and `fov_axis` or from `focal_length`, as Mitsuba 3
 /// defines them (`src/render/sensor.cpp`): focal lengths are those of a 36 × 24 mm film, along its diagonal.
-fn field_of_view(properties: &mut Properties<'_>, aspect: f64) -> Result<f64, SceneError> {
+fn field_of_view(properties: &mut Properties<'_>) -> Result<(f64, FovAxis), SceneError> {
     let axes = [
         ("x", FovAxis::X),
         ("y", FovAxis::Y),
@@ -105,19 +113,18 @@ fn field_of_view(properties: &mut Properties<'_>, aspect: f64) -> Result<f64, Sc
     ];
     let axis = properties.choice("fov_axis", &axes)?;
     let fov = properties.float("fov")?;
-    // Versions before 3 wrote plain numbers of millimetres too.
-    let focal_length = if properties.has("focal_length") { Some(focal_length(properties)?) } else { None };
-    let (name, found, x_fov) = match (fov, focal_length) {
-        (Some(_), Some(_)) => return Err(properties.wrong("focal_length", "given beside fov", "one of them")),
-        (Some(fov), None) => ("fov", fov, axis.to_x_fov(fov, aspect)),
-        (None, length) => {
-            let length = length.unwrap_or(50.0);
-            let diagonal = 2.0 * (f64::hypot(36.0, 24.0) / (2.0 * length)).atan();
-            ("focal_length", length, FovAxis::Diagonal.to_x_fov(diagonal.to_degrees(), aspect))
+    let focal_length =
+        if properties.has("focal_length") { Some(focal_length(properties)?) } else { None };
+    match (fov, focal_length) {
+        (Some(_), Some(_)) => {
+            Err(properties.wrong("focal_length", "given beside fov", "one of them"))
         }
-    };
-    let is_valid = fov.is_none_or(|fov| fov > 0.0 && fov < 180.0) && x_fov > 0.0 && x_fov < 180.0;
-    if is_valid { Ok(x_fov) } else { Err(properties.wrong(name, found.to_string(), "between 0 and 180 degrees")) }
+        (Some(fov), None) => Ok((fov, axis)),
+        (None, length) => {
+            let diagonal = 2.0 * (f64::hypot(36.0, 24.0) / (2.0 * length.unwrap_or(50.0))).atan();
+            Ok((diagonal.to_degrees(), FovAxis::Diagonal))
+        }
+    }
 }
 
 fn focal_length(properties: &mut Properties<'_>) -> Result<f64, SceneError> {
@@ -125,7 +132,11 @@ fn focal_length(properties: &mut Properties<'_>) -> Result<f64, SceneError> {
     let millimetres = text.trim().trim_end_matches("mm").trim().parse::<f64>();
     match millimetres {
         Ok(length) if length.is_finite() && length > 0.0 => Ok(length),
-        _ => Err(properties.wrong("focal_length", format!("\"{text}\""), "millimetres like \"50mm\"")),
+        _ => Err(properties.wrong(
+            "focal_length",
+            format!("\"{text}\""),
+            "millimetres like \"50mm\"",
+        )),
     }
 }
 
@@ -157,21 +168,41 @@ fn film(
         if !properties.has(crop_names[axis + 2]) {
             crop[axis + 2] = whole - crop[axis];
         }
-        if crop[axis] < 0 || crop[axis + 2] < 1 || crop[axis].saturating_add(crop[axis + 2]) > whole {
+        if crop[axis] < 0 || crop[axis + 2] < 1 || crop[axis].saturating_add(crop[axis + 2]) > whole
+        {
             let found = format!("{} pixels from {}", crop[axis + 2], crop[axis]);
-            return Err(properties.wrong(crop_names[axis], found, format!("a part of the film's {whole} pixels")));
+            return Err(properties.wrong(
+                crop_names[axis],
+                found,
+                format!("a part of the film's {whole} pixels"),
+            ));
         }
     }
     for filter in properties.plugins("rfilter") {
         let filter = &document[filter];
         if filter.name != "box" {
             let (name, location) = (&filter.name, &filter.location);
-            warnings.push(format!("{location}: rfilter \"{name}\" replaced by \"box\", the only one here"));
+            warnings.push(format!(
+                "{location}: rfilter \"{name}\" replaced by \"box\", the only one here"
+            ));
         }
     }
     // How Mitsuba would write the file; ours holds every channel in single precision.
-    properties.ignore(&["file_format", "pixel_format", "component_format", "compensate", "sample_border"]);
-    properties.ignore(&["high_quality_edges", "banner", "gamma", "exposure", "tonemap_method", "has_alpha"]);
+    properties.ignore(&[
+        "file_format",
+        "pixel_format",
+        "component_format",
+        "compensate",
+        "sample_border",
+    ]);
+    properties.ignore(&[
+        "high_quality_edges",
+        "banner",
+        "gamma",
+        "exposure",
+        "tonemap_method",
+        "has_alpha",
+    ]);
     let size = size.unwrap_or((width as u32, height as u32));
     check_size(&properties, size.0, size.1)?;
     properties.finish()?;
@@ -201,7 +232,16 @@ fn resize(width: i64, height: i64, crop: [i64; 4], size: (u32, u32)) -> FilmSett
 
 /// Samples per pixel. How points are chosen is this renderer's own affair, so every sampler of Mitsuba will do.
 fn sampler(document: &Document, id: PluginId) -> Result<u32, SceneError> {
-    let known = ["halton", "hammersley", "independent", "ldsampler", "multijitter", "orthogonal", "sobol", "stratified"];
+    let known = [
+        "halton",
+        "hammersley",
+        "independent",
+        "ldsampler",
+        "multijitter",
+        "orthogonal",
+        "sobol",
+        "stratified",
+    ];
     let mut properties = Properties::new(document, id);
     if !known.contains(&properties.name()) {
         return Err(properties.unknown_plugin(&known));
@@ -209,7 +249,8 @@ fn sampler(document: &Document, id: PluginId) -> Result<u32, SceneError> {
     let count = properties.integer("sample_count")?.unwrap_or(DEFAULT_SAMPLES.into());
     properties.ignore(&["seed", "jitter", "strength", "dimension", "scramble"]);
     let count = u32::try_from(count).ok().filter(|count| *count > 0);
-    let count = count.ok_or_else(|| properties.wrong("sample_count", "out of range", "at least 1"))?;
+    let count =
+        count.ok_or_else(|| properties.wrong("sample_count", "out of range", "at least 1"))?;
     properties.finish()?;
     Ok(count)
 }
@@ -235,13 +276,17 @@ pub(super) fn integrator(
             limits.max_depth = match properties.integer("max_depth")?.unwrap_or(-1) {
                 -1 => None,
                 depth => Some(u32::try_from(depth).map_err(|_| {
-                    properties.wrong("max_depth", depth.to_string(), "-1 for no limit, or 0 and more")
+                    properties.wrong(
+                        "max_depth",
+                        depth.to_string(),
+                        "-1 for no limit, or 0 and more",
+                    )
                 })?),
             };
             let depth = properties.integer("rr_depth")?.unwrap_or(DEFAULT_RR_DEPTH.into());
             let valid = u32::try_from(depth).ok().filter(|depth| *depth > 0);
-            limits.rr_depth =
-                valid.ok_or_else(|| properties.wrong("rr_depth", depth.to_string(), "at least 1"))?;
+            limits.rr_depth = valid
+                .ok_or_else(|| properties.wrong("rr_depth", depth.to_string(), "at least 1"))?;
             // Of versions before 3: whether shading normals may disagree with geometric ones.
             properties.ignore(&["strict_normals"]);
         }
@@ -250,7 +295,9 @@ pub(super) fn integrator(
             let counts = ["shading_samples", "emitter_samples", "bsdf_samples", "strict_normals"];
             if counts.iter().any(|name| properties.has(name)) {
                 let location = properties.location();
-                warnings.push(format!("{location}: sample counts of integrator \"direct\" have no effect"));
+                warnings.push(format!(
+                    "{location}: sample counts of integrator \"direct\" have no effect"
+                ));
             }
             properties.ignore(&counts);
         }

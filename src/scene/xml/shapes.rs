@@ -1,25 +1,25 @@
 //! Shapes: where a surface is. What it is made of and whether it shines is asked of the nested plugins.
 
 use super::properties::Properties;
+use crate::math::rigid::rotation_and_scale;
 use crate::scene::build::Shape;
 use crate::scene::error::SceneError;
 use crate::scene::mesh_file::{MeshOptions, RawMesh};
 use crate::scene::{obj, ply};
-use glam::{DMat4, DVec2, DVec3, Vec2};
+use glam::{DMat3, DMat4, DVec2, DVec3, Vec2};
 use std::f64::consts::{PI, TAU};
 
 /// The shape plugins known.
 const KNOWN: [&str; 7] = ["cube", "cylinder", "disk", "obj", "ply", "rectangle", "sphere"];
 
-/// Largest relative difference of axis lengths, or cosine between axes, at which a sphere still counts as round.
-/// Matrices in scene files are often written with six digits; a thousandth of the radius is no visible difference.
-const ROUND: f64 = 1e-3;
-
 /// Reads the shape itself: everything but its `bsdf` and `emitter`.
 ///
 /// # Errors
 /// An unknown plugin, a property that does not fit, or a mesh file that cannot be read.
-pub(super) fn shape(properties: &mut Properties<'_>, warnings: &mut Vec<String>) -> Result<Shape, SceneError> {
+pub(super) fn shape(
+    properties: &mut Properties<'_>,
+    warnings: &mut Vec<String>,
+) -> Result<Shape, SceneError> {
     let to_world = properties.transform("to_world")?;
     let flip_normals = properties.boolean("flip_normals", false)?;
     // Only differentiable renderers sample silhouettes.
@@ -76,9 +76,12 @@ fn rectangle() -> RawMesh {
 /// A square around `center` with the half-axes `u` and `v`, along which the texture coordinates run, and a normal.
 fn face(u: DVec3, v: DVec3, normal: DVec3, center: DVec3) -> RawMesh {
     let corners = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];
-    let triangles = if u.cross(v).dot(normal) > 0.0 { [[0, 1, 2], [0, 2, 3]] } else { [[0, 2, 1], [0, 3, 2]] };
+    let triangles =
+        if u.cross(v).dot(normal) > 0.0 { [[0, 1, 2], [0, 2, 3]] } else { [[0, 2, 1], [0, 3, 2]] };
     RawMesh {
-        positions: corners.map(|uv| center + u * (2.0 * uv.x - 1.0) + v * (2.0 * uv.y - 1.0)).to_vec(),
+        positions: corners
+            .map(|uv| center + u * (2.0 * uv.x - 1.0) + v * (2.0 * uv.y - 1.0))
+            .to_vec(),
         normals: vec![normal.as_vec3(); 4],
         uvs: corners.map(|uv| uv.as_vec2()).to_vec(),
         triangles: triangles.to_vec(),
@@ -109,19 +112,24 @@ fn append(mesh: &mut RawMesh, part: RawMesh) {
     mesh.positions.extend(part.positions);
     mesh.normals.extend(part.normals);
     mesh.uvs.extend(part.uvs);
-    mesh.triangles.extend(part.triangles.into_iter().map(|triangle| triangle.map(|index| first + index)));
+    mesh.triangles
+        .extend(part.triangles.into_iter().map(|triangle| triangle.map(|index| first + index)));
 }
 
 /// A sphere by `center` and `radius`, by `to_world`, or both; under a transform that is not uniform, a fine mesh.
-fn sphere(properties: &mut Properties<'_>, to_world: DMat4, flip_normals: bool) -> Result<Shape, SceneError> {
+fn sphere(
+    properties: &mut Properties<'_>,
+    to_world: DMat4,
+    flip_normals: bool,
+) -> Result<Shape, SceneError> {
     let center = properties.vector("center")?.unwrap_or(DVec3::ZERO);
     let radius = radius(properties)?;
-    let to_world = to_world * DMat4::from_translation(center) * DMat4::from_scale(DVec3::splat(radius));
-    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| to_world.transform_vector3(axis));
-    if are_round(&[x, y, z]) {
+    let to_world =
+        to_world * DMat4::from_translation(center) * DMat4::from_scale(DVec3::splat(radius));
+    if let Some((_, radius)) = rotation_and_scale(DMat3::from_mat4(to_world)) {
         return Ok(Shape::Sphere {
             center: to_world.transform_point3(DVec3::ZERO),
-            radius: x.length(),
+            radius,
             flip_normals: flip_normals != is_mirror(&to_world),
         });
     }
@@ -135,7 +143,11 @@ fn sphere(properties: &mut Properties<'_>, to_world: DMat4, flip_normals: bool) 
 }
 
 /// The open cylinder from `p0` to `p1`; where the transform makes it elliptic or oblique, a fine mesh.
-fn cylinder(properties: &mut Properties<'_>, to_world: DMat4, flip_normals: bool) -> Result<Shape, SceneError> {
+fn cylinder(
+    properties: &mut Properties<'_>,
+    to_world: DMat4,
+    flip_normals: bool,
+) -> Result<Shape, SceneError> {
     let start = properties.vector("p0")?.unwrap_or(DVec3::ZERO);
     let end = properties.vector("p1")?.unwrap_or(DVec3::Z);
     let radius = radius(properties)?;
@@ -144,8 +156,9 @@ fn cylinder(properties: &mut Properties<'_>, to_world: DMat4, flip_normals: bool
     };
     let (s, t) = axis.any_orthonormal_pair();
     let [across, along] = [s, t].map(|axis| to_world.transform_vector3(axis * radius));
+    // The length may be stretched as it likes.
     let direction = to_world.transform_vector3(axis).normalize() * across.length();
-    if are_round(&[across, along, direction]) {
+    if rotation_and_scale(DMat3::from_cols(across, along, direction)).is_some() {
         return Ok(Shape::Cylinder {
             start: to_world.transform_point3(start),
             end: to_world.transform_point3(end),
@@ -165,23 +178,16 @@ fn radius(properties: &mut Properties<'_>) -> Result<f64, SceneError> {
     properties.float_in("radius", 1.0, "more than 0", |radius| radius > 0.0)
 }
 
-/// Are three vectors of one length and at right angles, up to [`ROUND`]?
-fn are_round(axes: &[DVec3; 3]) -> bool {
-    let [a, b, c] = axes;
-    let squared = a.length_squared();
-    let is_near_zero = |value: f64| value.abs() <= ROUND * squared;
-    is_near_zero(b.length_squared() - squared)
-        && is_near_zero(c.length_squared() - squared)
-        && [a.dot(*b), a.dot(*c), b.dot(*c)].into_iter().all(is_near_zero)
-}
-
 /// A curved surface over the unit square: `point` gives position and unit normal. Triangles that shrink to a line, as
 /// at the poles of a sphere, are left out.
 fn grid(columns: u32, rows: u32, point: impl Fn(DVec2) -> (DVec3, DVec3)) -> RawMesh {
     let mut mesh = RawMesh::default();
     for row in 0..=rows {
         for column in 0..=columns {
-            let uv = DVec2::new(f64::from(column) / f64::from(columns), f64::from(row) / f64::from(rows));
+            let uv = DVec2::new(
+                f64::from(column) / f64::from(columns),
+                f64::from(row) / f64::from(rows),
+            );
             let (position, normal) = point(uv);
             mesh.positions.push(position);
             mesh.normals.push(normal.as_vec3());

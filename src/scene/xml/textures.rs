@@ -79,7 +79,9 @@ pub(super) fn plugin(
         }
         "uniform" => texture(&mut properties, "value", 1.0, range, images)?,
         // Version 2 calls the value `color`, version 3 too in some places.
-        "rgb" | "srgb" if properties.has("color") => texture(&mut properties, "color", 1.0, range, images)?,
+        "rgb" | "srgb" if properties.has("color") => {
+            texture(&mut properties, "color", 1.0, range, images)?
+        }
         "rgb" | "srgb" => texture(&mut properties, "value", 1.0, range, images)?,
         _ => return Err(properties.unknown_plugin(&KNOWN)),
     };
@@ -109,8 +111,9 @@ fn bitmap(properties: &mut Properties<'_>, images: &mut ImageCache) -> Result<Te
     let to_uv = to_uv(properties)?;
     // How Mitsuba stores and filters texels.
     properties.ignore(&["accel", "cache", "format", "max_anisotropy"]);
-    let image =
-        images.load(&path, raw).map_err(|error| SceneError::asset(properties.location_of("filename"), error))?;
+    let image = images
+        .load(&path, raw)
+        .map_err(|error| SceneError::asset(properties.location_of("filename"), error))?;
     Ok(Texture::Bitmap(Bitmap { image, wrap, filter, to_uv }))
 }
 
