@@ -13,6 +13,7 @@
 //! Deliberately absent: participating media, spectra, hair, motion. A scene that needs them is refused.
 
 pub mod bsdf;
+pub mod cli;
 pub mod emitter;
 pub mod film;
 pub mod geometry;

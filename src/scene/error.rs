@@ -1,5 +1,6 @@
 //! What can be wrong with a scene, said so that its author can mend it.
 
+use super::material::NestingError;
 use std::error::Error;
 use std::fmt;
 use std::io;
@@ -52,7 +53,11 @@ pub enum SceneError {
         message: String,
     },
     /// A name that means nothing here: an element, a plugin, a property, a reference, a `$parameter`.
-    #[error("{location}: unknown {kind} \"{found}\"{}; known: {}", suggestion(found, known), list(known))]
+    #[error(
+        "{location}: unknown {kind} \"{found}\"{}; known: {}",
+        suggestion(found, known),
+        list(known)
+    )]
     Unknown {
         /// Where it stands.
         location: Location,
@@ -82,6 +87,14 @@ pub enum SceneError {
         location: Location,
         /// What.
         what: String,
+    },
+    /// Materials nested in a way that has no meaning here.
+    #[error("{location}: {source}")]
+    Nesting {
+        /// Where the outer one starts.
+        location: Location,
+        /// Why.
+        source: NestingError,
     },
     /// One thing said twice.
     #[error("{location}: {what} was already given at {previous}")]
@@ -114,7 +127,11 @@ pub enum SceneError {
         limit: u64,
     },
     /// A definition from outside (`-D name=value`) that no `$name` asks for.
-    #[error("definition {name}: the scene does not use ${name}{}; it uses: {}", suggestion(name, known), list(known))]
+    #[error(
+        "definition {name}: the scene does not use ${name}{}; it uses: {}",
+        suggestion(name, known),
+        list(known)
+    )]
     UnusedDefinition {
         /// The name defined.
         name: String,
@@ -139,7 +156,12 @@ impl SceneError {
         found: impl Into<String>,
         expected: impl Into<String>,
     ) -> Self {
-        Self::Value { location: location.clone(), what: what.into(), found: found.into(), expected: expected.into() }
+        Self::Value {
+            location: location.clone(),
+            what: what.into(),
+            found: found.into(),
+            expected: expected.into(),
+        }
     }
 
     /// [`SceneError::Unknown`] without the ceremony.
@@ -180,7 +202,9 @@ fn list(names: &[String]) -> String {
 fn suggestion(found: &str, known: &[String]) -> String {
     let nearest = known.iter().map(|name| (edit_distance(found, name), name)).min();
     match nearest {
-        Some((distance, name)) if distance * 3 <= found.chars().count().max(3) => format!(" (did you mean \"{name}\"?)"),
+        Some((distance, name)) if distance * 3 <= found.chars().count().max(3) => {
+            format!(" (did you mean \"{name}\"?)")
+        }
         _ => String::new(),
     }
 }
@@ -207,9 +231,13 @@ mod tests {
 
     #[test]
     fn the_edit_distance_counts_letters() {
-        for (a, b, distance) in
-            [("", "", 0), ("", "abc", 3), ("kitten", "sitting", 3), ("alpha", "alpah", 2), ("x", "x", 0)]
-        {
+        for (a, b, distance) in [
+            ("", "", 0),
+            ("", "abc", 3),
+            ("kitten", "sitting", 3),
+            ("alpha", "alpah", 2),
+            ("x", "x", 0),
+        ] {
             assert_eq!(edit_distance(a, b), distance, "{a} {b}");
             assert_eq!(edit_distance(b, a), distance, "{b} {a}");
         }

@@ -137,12 +137,18 @@ impl Document {
                     Some(Property { value: Value::Plugin(child), location, .. }) => {
                         let child = child.0 as usize;
                         if is_open[child] {
-                            let first = way.iter().position(|(plugin, _)| *plugin == child).unwrap_or(0);
-                            let names = way[first..].iter().map(|(plugin, _)| *plugin).chain([child]);
-                            let chain: Vec<&str> = names.map(|id| self.plugins[id].name.as_str()).collect();
+                            let first =
+                                way.iter().position(|(plugin, _)| *plugin == child).unwrap_or(0);
+                            let names =
+                                way[first..].iter().map(|(plugin, _)| *plugin).chain([child]);
+                            let chain: Vec<&str> =
+                                names.map(|id| self.plugins[id].name.as_str()).collect();
                             return Err(SceneError::Cycle {
                                 location: location.clone(),
-                                what: format!("{} \"{}\"", self.plugins[child].kind, self.plugins[child].name),
+                                what: format!(
+                                    "{} \"{}\"",
+                                    self.plugins[child].kind, self.plugins[child].name
+                                ),
                                 chain: chain.join(" → "),
                             });
                         }
@@ -160,7 +166,12 @@ impl Document {
     ///
     /// # Errors
     /// [`SceneError::Value`] when there is no such file.
-    pub(super) fn find_file(&self, filename: &str, what: &str, location: &Location) -> Result<PathBuf, SceneError> {
+    pub(super) fn find_file(
+        &self,
+        filename: &str,
+        what: &str,
+        location: &Location,
+    ) -> Result<PathBuf, SceneError> {
         find_file(filename, what, location, &self.directories)
     }
 }
@@ -182,8 +193,9 @@ pub(super) fn find_file(
             }
         }
     }
-    let folder = own.unwrap_or_default();
-    let expected = format!("a file in {}", if folder.as_os_str().is_empty() { "." } else { &folder.to_string_lossy() });
+    let folder =
+        own.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| PathBuf::from("."));
+    let expected = format!("a file in {}", folder.display());
     Err(SceneError::value(location, what, format!("\"{filename}\""), expected))
 }
 

@@ -48,7 +48,11 @@ impl Parameters {
     ///
     /// # Errors
     /// [`SceneError::Unknown`] for a name that is not defined (yet), [`SceneError::Limit`] when the text grows too long.
-    pub(super) fn substitute(&mut self, text: &str, location: &Location) -> Result<String, SceneError> {
+    pub(super) fn substitute(
+        &mut self,
+        text: &str,
+        location: &Location,
+    ) -> Result<String, SceneError> {
         let mut result = String::with_capacity(text.len());
         let mut rest = text;
         while let Some(dollar) = rest.find('$') {
@@ -70,12 +74,21 @@ impl Parameters {
                     let end = after.find(|letter: char| !letter.is_alphanumeric() && letter != '_');
                     let name = &after[..end.unwrap_or(after.len())];
                     let known = self.parameters.iter().map(|parameter| &parameter.name);
-                    return Err(SceneError::unknown(location, "parameter", format!("${name}"), known));
+                    return Err(SceneError::unknown(
+                        location,
+                        "parameter",
+                        format!("${name}"),
+                        known,
+                    ));
                 }
             }
             if result.len() > MAX_ATTRIBUTE_BYTES {
                 let what = "an attribute is too long after substitution".to_owned();
-                return Err(SceneError::Limit { location: location.clone(), what, limit: MAX_ATTRIBUTE_BYTES as u64 });
+                return Err(SceneError::Limit {
+                    location: location.clone(),
+                    what,
+                    limit: MAX_ATTRIBUTE_BYTES as u64,
+                });
             }
         }
         result.push_str(rest);
@@ -85,7 +98,8 @@ impl Parameters {
     /// # Errors
     /// [`SceneError::UnusedDefinition`] for a definition from outside that nothing asked for: most likely misspelt.
     pub(super) fn check_all_used(&self) -> Result<(), SceneError> {
-        match self.parameters.iter().find(|parameter| parameter.from_outside && !parameter.is_used) {
+        match self.parameters.iter().find(|parameter| parameter.from_outside && !parameter.is_used)
+        {
             Some(unused) => {
                 let used = self.parameters.iter().filter(|parameter| parameter.is_used);
                 let mut known: Vec<String> = used.map(|parameter| parameter.name.clone()).collect();
@@ -107,7 +121,10 @@ mod tests {
     }
 
     fn parameters(definitions: &[(&str, &str)]) -> Parameters {
-        let owned: Vec<_> = definitions.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+        let owned: Vec<_> = definitions
+            .iter()
+            .map(|(name, value)| ((*name).to_owned(), (*value).to_owned()))
+            .collect();
         Parameters::new(&owned)
     }
 
@@ -131,7 +148,10 @@ mod tests {
 
     #[test]
     fn an_undefined_parameter_is_an_error_that_names_it() {
-        let error = parameters(&[("width", "1")]).substitute("x $widht+1", &here()).unwrap_err().to_string();
+        let error = parameters(&[("width", "1")])
+            .substitute("x $widht+1", &here())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("\"$widht\"") && error.contains("width"), "{error}");
     }
 
@@ -142,7 +162,10 @@ mod tests {
         parameters.set_default("other", "1");
         parameters.substitute("$spp", &here()).unwrap();
         let error = parameters.check_all_used().unwrap_err().to_string();
-        assert!(error.contains("ssp") && error.contains("\"spp\"") && !error.contains("other"), "{error}");
+        assert!(
+            error.contains("ssp") && error.contains("\"spp\"") && !error.contains("other"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -61,14 +61,20 @@ impl Step {
                 let angle = value::number(&text("angle"), "angle", location)?;
                 let axis = vector(0.0)?;
                 let axis = axis.try_normalize().ok_or_else(|| {
-                    SceneError::value(location, "the axis of rotation", axis.to_string(), "a vector with a length")
+                    SceneError::value(
+                        location,
+                        "the axis of rotation",
+                        axis.to_string(),
+                        "a vector with a length",
+                    )
                 })?;
                 Ok(DMat4::from_axis_angle(axis, angle.to_radians()))
             }
             Self::LookAt => {
                 let origin = value::triple(&text("origin"), "origin", location)?;
                 let target = value::triple(&text("target"), "target", location)?;
-                let up = attribute("up").map(|up| value::triple(&up, "up", location)).transpose()?;
+                let up =
+                    attribute("up").map(|up| value::triple(&up, "up", location)).transpose()?;
                 look_at(origin, target, up, location)
             }
             Self::Matrix => matrix_from_rows(&text("value"), location),
@@ -88,12 +94,22 @@ pub(super) fn vector(
     let components = ["x", "y", "z"].map(attribute);
     if let Some(text) = attribute("value") {
         if components.iter().any(Option::is_some) {
-            return Err(SceneError::value(location, "a vector", "both \"value\" and x, y, z", "one of them"));
+            return Err(SceneError::value(
+                location,
+                "a vector",
+                "both \"value\" and x, y, z",
+                "one of them",
+            ));
         }
         return match value::numbers(&text, "value", location)?[..] {
             [same] => Ok(DVec3::splat(same)),
             [x, y, z] => Ok(DVec3::new(x, y, z)),
-            _ => Err(SceneError::value(location, "value", format!("\"{text}\""), "one or three numbers")),
+            _ => Err(SceneError::value(
+                location,
+                "value",
+                format!("\"{text}\""),
+                "one or three numbers",
+            )),
         };
     }
     let mut vector = DVec3::splat(default);
@@ -105,13 +121,23 @@ pub(super) fn vector(
     Ok(vector)
 }
 
-fn look_at(origin: DVec3, target: DVec3, up: Option<DVec3>, location: &Location) -> Result<DMat4, SceneError> {
+fn look_at(
+    origin: DVec3,
+    target: DVec3,
+    up: Option<DVec3>,
+    location: &Location,
+) -> Result<DMat4, SceneError> {
     let forward = (target - origin).try_normalize().ok_or_else(|| {
         SceneError::value(location, "target", target.to_string(), "another point than the origin")
     })?;
     let up = up.filter(|up| *up != DVec3::ZERO).unwrap_or_else(|| forward.any_orthonormal_vector());
     let left = up.cross(forward).try_normalize().ok_or_else(|| {
-        SceneError::value(location, "up", up.to_string(), "a direction across the direction of view")
+        SceneError::value(
+            location,
+            "up",
+            up.to_string(),
+            "a direction across the direction of view",
+        )
     })?;
     let up = forward.cross(left);
     Ok(DMat4::from_cols(left.extend(0.0), up.extend(0.0), forward.extend(0.0), origin.extend(1.0)))
@@ -129,11 +155,21 @@ fn matrix_from_rows(text: &str, location: &Location) -> Result<DMat4, SceneError
             let matrix = DMat4::from_cols_array(&rows).transpose();
             if matrix.row(3) != DVec4::W {
                 let found = matrix.row(3).to_string();
-                return Err(SceneError::value(location, "the last row of the matrix", found, "0 0 0 1"));
+                return Err(SceneError::value(
+                    location,
+                    "the last row of the matrix",
+                    found,
+                    "0 0 0 1",
+                ));
             }
             Ok(matrix)
         }
-        count => Err(SceneError::value(location, "matrix", format!("{count} numbers"), "9 or 16 numbers")),
+        count => Err(SceneError::value(
+            location,
+            "matrix",
+            format!("{count} numbers"),
+            "9 or 16 numbers",
+        )),
     }
 }
 
@@ -147,7 +183,9 @@ mod tests {
     }
 
     fn matrix(step: Step, attributes: &[(&str, &str)]) -> Result<DMat4, SceneError> {
-        let find = |name: &str| attributes.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).to_owned());
+        let find = |name: &str| {
+            attributes.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).to_owned())
+        };
         step.matrix(find, &here())
     }
 
@@ -162,7 +200,10 @@ mod tests {
     fn a_scale_left_out_is_one_and_a_translation_left_out_is_zero() {
         let scale = matrix(Step::Scale, &[("y", "3")]).unwrap();
         assert_eq!(scale.transform_vector3(DVec3::ONE), DVec3::new(1.0, 3.0, 1.0));
-        assert_eq!(matrix(Step::Scale, &[("value", "2")]).unwrap(), DMat4::from_scale(DVec3::splat(2.0)));
+        assert_eq!(
+            matrix(Step::Scale, &[("value", "2")]).unwrap(),
+            DMat4::from_scale(DVec3::splat(2.0))
+        );
         let translate = matrix(Step::Translate, &[("value", "1, 2, 3")]).unwrap();
         assert_eq!(translate.transform_point3(DVec3::ZERO), DVec3::new(1.0, 2.0, 3.0));
         assert!(matrix(Step::Scale, &[("value", "2"), ("x", "1")]).is_err());
@@ -179,7 +220,10 @@ mod tests {
         // Looking along -z with y up, the left hand points to -x.
         assert_eq!(look.transform_vector3(DVec3::X), -DVec3::X);
         assert!(matrix(Step::LookAt, &[("origin", "1 1 1"), ("target", "1 1 1")]).is_err());
-        assert!(matrix(Step::LookAt, &[("origin", "0 0 0"), ("target", "0 0 2"), ("up", "0 0 1")]).is_err());
+        assert!(
+            matrix(Step::LookAt, &[("origin", "0 0 0"), ("target", "0 0 2"), ("up", "0 0 1")])
+                .is_err()
+        );
         assert!(matrix(Step::LookAt, &[("origin", "0 0 0"), ("target", "0 0 2")]).is_ok());
     }
 

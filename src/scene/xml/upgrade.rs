@@ -78,7 +78,11 @@ fn texture_offsets_to_transform(plugin: &mut Plugin) {
     });
     if let Some(location) = location {
         let transform = DMat4::from_scale(scale) * DMat4::from_translation(offset);
-        plugin.properties.push(Property { name: "to_uv".to_owned(), value: Value::Transform(transform), location });
+        plugin.properties.push(Property {
+            name: "to_uv".to_owned(),
+            value: Value::Transform(transform),
+            location,
+        });
     }
 }
 
@@ -108,7 +112,11 @@ mod tests {
     #[test]
     fn texture_offsets_become_a_transform() {
         let location = Location { file: Path::new("scene.xml").into(), line: 1, column: 1 };
-        let property = |name: &str, value| Property { name: name.to_owned(), value, location: location.clone() };
+        let property = |name: &str, value| Property {
+            name: name.to_owned(),
+            value,
+            location: location.clone(),
+        };
         let mut texture = Plugin {
             kind: "texture".to_owned(),
             name: "bitmap".to_owned(),
@@ -120,9 +128,15 @@ mod tests {
             ],
         };
         plugin(&mut texture);
-        let names: Vec<&str> = texture.properties.iter().map(|property| property.name.as_str()).collect();
+        let names: Vec<&str> =
+            texture.properties.iter().map(|property| property.name.as_str()).collect();
         assert_eq!(names, ["raw", "to_uv"]);
-        let Value::Transform(transform) = texture.properties[1].value else { panic!("{texture:?}") };
-        assert_eq!(transform.transform_point3(DVec3::new(1.0, 1.0, 0.0)), DVec3::new(1.5, 3.0, 0.0));
+        let Value::Transform(transform) = texture.properties[1].value else {
+            panic!("{texture:?}")
+        };
+        assert_eq!(
+            transform.transform_point3(DVec3::new(1.0, 1.0, 0.0)),
+            DVec3::new(1.5, 3.0, 0.0)
+        );
     }
 }

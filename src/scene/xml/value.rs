@@ -82,11 +82,20 @@ pub(super) fn color(
     let color = match numbers(text, what, location)?[..] {
         [grey] => DVec3::splat(grey),
         [r, g, b] => DVec3::new(r, g, b),
-        _ => return Err(SceneError::value(location, what, format!("\"{text}\""), "one or three numbers, or #rrggbb")),
+        _ => {
+            return Err(SceneError::value(
+                location,
+                what,
+                format!("\"{text}\""),
+                "one or three numbers, or #rrggbb",
+            ));
+        }
     };
     Ok(match encoding {
         Encoding::Linear => color,
-        Encoding::Srgb => DVec3::new(decode_srgb(color.x), decode_srgb(color.y), decode_srgb(color.z)),
+        Encoding::Srgb => {
+            DVec3::new(decode_srgb(color.x), decode_srgb(color.y), decode_srgb(color.z))
+        }
     })
 }
 
@@ -115,7 +124,10 @@ mod tests {
 
     #[test]
     fn numbers_are_separated_by_spaces_commas_or_both() {
-        assert_eq!(numbers(" 1,2 , 3\t-4.5e-008\n", "n", &here()).unwrap(), [1.0, 2.0, 3.0, -4.5e-8]);
+        assert_eq!(
+            numbers(" 1,2 , 3\t-4.5e-008\n", "n", &here()).unwrap(),
+            [1.0, 2.0, 3.0, -4.5e-8]
+        );
         assert_eq!(numbers("  ", "n", &here()).unwrap(), [0.0; 0]);
     }
 
@@ -123,7 +135,10 @@ mod tests {
     fn what_is_no_finite_number_is_told_with_its_place() {
         for text in ["nan", "inf", "-infinity", "1e999", "1.5f", "one", "1..2", "0x10", "--1"] {
             let error = numbers(text, "alpha", &here()).unwrap_err().to_string();
-            assert!(error.starts_with("scene.xml:4:2: alpha is ") && error.contains(text), "{error}");
+            assert!(
+                error.starts_with("scene.xml:4:2: alpha is ") && error.contains(text),
+                "{error}"
+            );
         }
     }
 
