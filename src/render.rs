@@ -5,7 +5,7 @@ use crate::integrator::{PathSample, PathTracing, Vertex};
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
 use crate::scene::{Requirements, Scene};
 use glam::Vec2;
-use quietlight_denoise::Layers;
+use quietlight_denoise::{Layers, variance};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -50,7 +50,7 @@ impl Default for RenderSettings {
 /// A picture with its layers, and what it took.
 #[derive(Debug)]
 pub struct Rendered {
-    /// All layers; variances are those of independent samples.
+    /// All layers, with variances of their means that the halves corrected.
     pub layers: Layers,
     /// Samples per pixel taken; fewer than asked for when stopped.
     pub samples: u32,
@@ -93,8 +93,10 @@ pub fn render(
             break;
         }
     }
+    let mut layers = film.layers(scene.origin);
+    variance::correct(&mut layers);
     Rendered {
-        layers: film.layers(scene.origin),
+        layers,
         samples,
         invalid_samples: film.invalid_samples(),
         elapsed: start.elapsed(),

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
+use ndarray::Array2;
 
 use crate::error::Error;
 use crate::layers::Image;
@@ -26,19 +27,43 @@ pub fn write(path: &Path, picture: &Image, exposure: f32) -> Result<(), Error> {
             expected,
         });
     }
-    let bytes = tone_map(picture, exposure);
+    encode(path, &tone_map(picture, exposure), width, height)
+}
+
+/// Five colours of the map "magma" of matplotlib, evenly spaced: brightness grows evenly with the error.
+const MAGMA: [[f32; 3]; 5] =
+    [[0.0, 0.0, 4.0], [81.0, 18.0, 124.0], [183.0, 55.0, 121.0], [252.0, 137.0, 97.0], [252.0, 253.0, 191.0]];
+
+/// Writes an error of each pixel, `[height, width]`, in false colour from black (0) to pale yellow (1 and more).
+///
+/// # Errors
+/// [`Error::Io`] and [`Error::Format`] where the file cannot be written.
+pub fn write_map(path: &Path, errors: &Array2<f32>) -> Result<(), Error> {
+    let bytes: Vec<u8> = errors.iter().flat_map(|&error| false_colour(error)).collect();
+    let (height, width) = errors.dim();
+    encode(path, &bytes, width, height)
+}
+
+/// The colour of an error; NaN is black.
+fn false_colour(error: f32) -> [u8; 3] {
+    let place = error.max(0.0).min(1.0) * (MAGMA.len() - 1) as f32;
+    let below = (place as usize).min(MAGMA.len() - 2);
+    let part = place - below as f32;
+    std::array::from_fn(|c| (MAGMA[below][c] * (1.0 - part) + MAGMA[below + 1][c] * part).round() as u8)
+}
+
+/// Writes bytes, row after row of red, green and blue, as a PNG.
+fn encode(path: &Path, bytes: &[u8], width: usize, height: usize) -> Result<(), Error> {
     let (width, height) = (width as u32, height as u32);
     crate::atomic::write(path, |file| {
-        PngEncoder::new(file).write_image(&bytes, width, height, ExtendedColorType::Rgb8).map_err(
-            |error| match error {
-                image::ImageError::IoError(source) => Error::Io { path: path.into(), source },
-                error => Error::Format {
-                    path: path.into(),
-                    found: format!("a picture of {width}x{height} ({error})"),
-                    expected: "one that a PNG can hold".into(),
-                },
+        PngEncoder::new(file).write_image(bytes, width, height, ExtendedColorType::Rgb8).map_err(|error| match error {
+            image::ImageError::IoError(source) => Error::Io { path: path.into(), source },
+            error => Error::Format {
+                path: path.into(),
+                found: format!("a picture of {width}x{height} ({error})"),
+                expected: "one that a PNG can hold".into(),
             },
-        )
+        })
     })
 }
 

@@ -21,6 +21,13 @@ pub struct Sanitised {
     pub features: usize,
 }
 
+impl Sanitised {
+    /// All of them.
+    pub fn total(&self) -> usize {
+        self.radiance + self.variance + self.features
+    }
+}
+
 /// Replaces what no filter can compute with: radiance that is not finite by the median of the finite values among its
 /// 3×3 neighbours (0 if there is none), a variance that is not finite or negative by the largest good one among them, a
 /// feature by 0. Values too large are clamped. Negative radiance stays.

@@ -7,6 +7,7 @@
 use ndarray::Zip;
 
 use crate::layers::{Image, Layer, LayerKind, Layers};
+use crate::metrics::RELATIVE_L2_EPSILON;
 use crate::window::{box_mean, neighbourhood};
 
 /// Radius of the window over which the two estimates are compared, 21×21 pixels: a single pixel's half-buffer variance is
@@ -18,7 +19,8 @@ pub fn half_buffer_variance([a, b]: &[Image; 2]) -> Image {
     Zip::from(a).and(b).map_collect(|&a, &b| 0.25 * (a - b) * (a - b))
 }
 
-/// Corrects the variance of a layer by its halves: `σ² · box(σ²_halves) / (box(σ²) + 1e-10)`.
+/// Corrects the variance of a layer by its halves: `σ² · box(σ²_halves) / box(σ²)`. (The paper's authors add 1e-10 to the
+/// denominator, which takes the variance away from pictures darker than about 1e-5; here only 0 is left as it is.)
 ///
 /// A layer with halves and no variance gets the smoothed variance of the halves; one without halves stays as it is.
 pub fn correct_variances(layer: &mut Layer) {
@@ -30,7 +32,11 @@ pub fn correct_variances(layer: &mut Layer) {
             Zip::from(variance)
                 .and(&from_halves)
                 .and(&from_samples)
-                .par_for_each(|variance, &halves, &samples| *variance *= halves / (samples + 1e-10));
+                .par_for_each(|variance, &halves, &samples| {
+                    if samples > 0.0 {
+                        *variance *= halves / samples;
+                    }
+                });
         }
         None => layer.variance = Some(from_halves),
     }
@@ -47,13 +53,20 @@ pub fn spatial_variance(image: &Image) -> Image {
     })
 }
 
-/// Gives every layer a variance: corrected by the halves where there are some, and spatial where there is none or where
+/// Corrects the variances of all layers by their halves; to be done once, where samples were added up.
+pub fn correct(layers: &mut Layers) {
+    layers.layers.values_mut().for_each(correct_variances);
+}
+
+/// Gives a variance to every layer and pixel that has none: the spatial one where there are no halves either, or where
 /// a pixel has a single sample. Returns the layers that got a spatial one.
-pub fn prepare(layers: &mut Layers) -> Vec<LayerKind> {
+pub fn complete(layers: &mut Layers) -> Vec<LayerKind> {
     let mut spatial = Vec::new();
     for (&kind, layer) in &mut layers.layers {
         let single = layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
-        correct_variances(layer);
+        if layer.variance.is_none() {
+            correct_variances(layer);
+        }
         match (&mut layer.variance, single) {
             (None, _) => {
                 layer.variance = Some(spatial_variance(&layer.mean));
@@ -72,4 +85,15 @@ pub fn prepare(layers: &mut Layers) -> Vec<LayerKind> {
         }
     }
     spatial
+}
+
+/// Relative L2 of the noise of a layer against its own truth, from its variance: the mean over pixels and channels of
+/// `σ² / (x² + ε)`. `None` where there is no variance. The mean stands in for the truth in the denominator, which is good
+/// while the noise is small against it.
+pub fn estimated_relative_l2(layer: &Layer) -> Option<f64> {
+    let variance = layer.variance.as_ref()?;
+    let terms = layer.mean.iter().zip(variance).map(|(&mean, &variance)| {
+        f64::from(variance) / (f64::from(mean) * f64::from(mean) + RELATIVE_L2_EPSILON)
+    });
+    Some(terms.sum::<f64>() / layer.mean.len() as f64)
 }

@@ -14,9 +14,9 @@ pub(super) fn run(arguments: &Compare) -> Result<(), Failure> {
     };
     let reference = read_picture(&arguments.reference).bad_input()?;
     let relative_l2 = metrics::relative_l2(&image, &reference).bad_input()?;
-    let ssim = metrics::ssim(&image, &reference).bad_input()?;
+    let one_minus_ssim = metrics::one_minus_ssim(&image, &reference).bad_input()?;
     let psnr = metrics::psnr(&image, &reference).bad_input()?;
-    let flip = metrics::flip_map(&image, &reference).bad_input()?;
+    let flip = metrics::flip_map(&image, &reference, metrics::DEFAULT_PIXELS_PER_DEGREE).bad_input()?;
     let mean_flip = flip.iter().map(|&error| f64::from(error)).sum::<f64>() / flip.len() as f64;
     if let Some(path) = &arguments.map {
         png::write_map(path, &flip).with_context(|| format!("cannot write {}", path.display()))?;
@@ -24,17 +24,17 @@ pub(super) fn run(arguments: &Compare) -> Result<(), Failure> {
     if arguments.json {
         let json = serde_json::json!({
             "relative_l2": relative_l2,
-            "relative_l2_epsilon": metrics::EPSILON,
-            "one_minus_ssim": ssim.map(|ssim| 1.0 - ssim),
+            "relative_l2_epsilon": metrics::RELATIVE_L2_EPSILON,
+            "one_minus_ssim": one_minus_ssim,
             "psnr": psnr,
             "flip": mean_flip,
         });
         println!("{json:#}");
         return Ok(());
     }
-    println!("relative L2  {relative_l2:.6e}   mean of (x - r)² / (r² + {}), linear", metrics::EPSILON);
-    match ssim {
-        Some(ssim) => println!("1 - SSIM     {:.6}       sRGB, 11x11 Gaussian window", 1.0 - ssim),
+    println!("relative L2  {relative_l2:.6e}   mean of (x - r)² / (r² + {}), linear", metrics::RELATIVE_L2_EPSILON);
+    match one_minus_ssim {
+        Some(error) => println!("1 - SSIM     {:.6}       sRGB, 11x11 Gaussian window", error),
         None => println!("1 - SSIM     undefined: the image is smaller than 3x3"),
     }
     println!("PSNR         {psnr:.3} dB     sRGB, clamped");

@@ -8,9 +8,9 @@ use crate::render::{RenderSettings, Rendered, SamplerKind, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::bilateral;
-use quietlight_denoise::metrics::estimated_relative_l2;
+use quietlight_denoise::variance::estimated_relative_l2;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
-use quietlight_denoise::{Image, LayerKind, Layers, png, variance};
+use quietlight_denoise::{Image, LayerKind, Layers, png};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -34,7 +34,6 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let mut rendered = threads.install(|| render(&scene, &settings, &|done| progress.at(done), &STOP));
     progress.finish();
 
-    variance::correct_variances(&mut rendered.layers);
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
     let is_interrupted = STOP.load(Ordering::Relaxed);
     let start = Instant::now();
@@ -158,7 +157,7 @@ pub(super) fn filter(layers: &Layers) -> anyhow::Result<Image> {
     });
     progress.finish();
     let denoised = denoised?;
-    let mended = &denoised.report.sanitized;
+    let mended = &denoised.report.sanitised;
     if mended.total() > 0 {
         eprintln!("warning: {} values of the layers were not usable and were replaced", mended.total());
     }

@@ -18,6 +18,11 @@ use bvh::{Aabb, Bvh, Query};
 use glam::Vec3;
 use shape::Shape;
 
+/// How rays are traced on this machine, in words.
+pub fn simd_name() -> &'static str {
+    bvh::simd_name()
+}
+
 /// All shapes of a scene in one tree.
 #[derive(Debug, Default)]
 pub struct Geometry {

@@ -105,12 +105,15 @@ impl Description {
         let mut camera = self.camera;
         camera.to_world = DMat4::from_translation(-origin) * camera.to_world;
         let eye = camera.to_world.transform_point3(DVec3::ZERO).as_vec3();
-        let (center, radius) = bounding_sphere(geometry.bounds(), eye);
+        let (_, radius) = bounding_sphere(geometry.bounds(), eye);
         Scene {
             geometry,
+            has_masks: surfaces.iter().any(|surface| {
+                !self.materials[surface.material.0 as usize].is_opaque()
+            }),
             surfaces,
             materials: self.materials,
-            emitters: Emitters::new(emitters, center, radius),
+            emitters: Emitters::new(emitters, radius),
             camera: Camera::perspective(&camera)
                 .expect("moving a camera that was checked leaves it valid"),
             film: self.film,

@@ -124,7 +124,7 @@ impl Prepared {
         );
 
         let sanitised = sanitise(&mut used);
-        let spatial_variance = variance::prepare(&mut used);
+        let spatial_variance = variance::complete(&mut used);
         let features: Vec<_> = features::features(&used).iter().map(prefilter::prefilter).collect();
         let Layer { mean: colour, variance, .. } =
             used.layers.remove(&LayerKind::Beauty).ok_or_else(|| layers.missing(LayerKind::Beauty))?;

@@ -50,6 +50,15 @@ pub(crate) struct Bvh {
     avx2: Option<traverse::Avx2>,
 }
 
+/// How rays are traced on this machine, in words.
+pub(crate) fn simd_name() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    if traverse::Avx2::detect().is_some() {
+        return "AVX2: eight boxes or triangles at a time";
+    }
+    "none: rays are traced in portable arithmetic"
+}
+
 impl Default for Bvh {
     fn default() -> Self {
         Self::new(&[], Vec::new())
