@@ -4,7 +4,7 @@ use glam::{Quat, Vec3};
 use quietlight::geometry::{Geometry, Hit, Mesh, Part, Ray};
 use std::collections::HashMap;
 
-/// SplitMix64 (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators").
+/// `SplitMix64` (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators").
 pub(super) struct Numbers(pub(super) u64);
 
 impl Numbers {
