@@ -283,3 +283,95 @@ fn split(value: f32, count: usize) -> (usize, f32) {
     let whole = (value as usize).min(count - 1);
     (whole, (value - whole as f32).min(1.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, DVec3};
+
+    /// 5 × 4 texels without any symmetry.
+    fn texels() -> Vec<Rgb> {
+        let texel = |x: usize, y: usize| [1 + x + 10 * y, (7 * x + 3 * y) % 5, (x * x + y) % 4];
+        let texels = (0..4).flat_map(|y| (0..5).map(move |x| texel(x, y)));
+        texels.map(|texel| Rgb::from(texel.map(|value| value as f32))).collect()
+    }
+
+    fn turned(texels: Vec<Rgb>) -> EnvironmentMap {
+        let rotation = DQuat::from_axis_angle(DVec3::new(2.0, 2.0, -1.0) / 3.0, 40f64.to_radians());
+        EnvironmentMap::new([5, 4], texels, 2.0, DMat3::from_quat(rotation)).unwrap()
+    }
+
+    #[test]
+    fn the_lookup_is_that_of_mitsuba() {
+        // Mitsuba 3.9.1 scalar_rgb: envmap with these texels as bitmap, scale 2 and to_world
+        // rotate([2/3, 2/3, -1/3], 40): emitter.eval for the unit directions given.
+        let golden: [([f32; 3], [f32; 3]); 8] = [
+            ([0.4242641, 0.5656854, -0.7071068], [25.1667, 4.91467, 2.51384]),
+            ([0.0, 1.0, 0.0], [17.2824, 3.68565, 0.984616]),
+            ([0.1003721, -0.9936835, 0.050186], [53.6723, 2.90783, 4.51238]),
+            ([-0.7548294, 0.1078328, 0.6469966], [36.3568, 6.16312, 4.59764]),
+            ([0.0099975, 0.019995, 0.9997501], [29.0662, 5.28652, 3.0838]),
+            ([-0.0099975, 0.019995, 0.9997501], [29.2309, 5.32504, 3.1295]),
+            ([0.9999995, 0.0, 0.001], [27.9585, 1.30098, 4.22908]),
+            ([-0.1906925, -0.4767313, -0.8581163], [50.3549, 4.48642, 4.76644]),
+        ];
+        let environment = Environment::Map(turned(texels()));
+        for (direction, expected) in golden {
+            let radiance = environment.radiance(Vec3::from(direction));
+            let difference = (radiance - Rgb::from(expected)).map(f32::abs).max_component();
+            assert!(difference < 2e-4, "{direction:?}: {radiance:?}, expected {expected:?}");
+        }
+    }
+
+    #[test]
+    fn texels_that_are_no_radiance_are_counted_and_harmless() {
+        let mut spoiled = texels();
+        spoiled[3] = Rgb::new(f32::NAN, 1.0, 1.0);
+        spoiled[8] = Rgb::new(-1.0, 1.0, 1.0);
+        spoiled[12] = Rgb::new(1.0, f32::INFINITY, 1.0);
+        let map = turned(spoiled);
+        assert_eq!(map.invalid_texels(), 3);
+        assert_eq!(map.texels[3], Rgb::new(0.0, 2.0, 2.0));
+        assert_eq!(map.texels[8], Rgb::new(0.0, 2.0, 2.0));
+        assert_eq!(map.texels[12], Rgb::new(2.0, 1e30, 2.0));
+        for i in 0..100 {
+            let u = Vec2::new(i as f32 / 100.0, (i * 37 % 100) as f32 / 100.0);
+            let (direction, radiance, pdf) = map.sample(u).unwrap();
+            assert!(direction.is_finite() && radiance.is_finite() && pdf.is_finite() && pdf > 0.0);
+        }
+        assert_eq!(turned(texels()).invalid_texels(), 0);
+    }
+
+    #[test]
+    fn the_fluence_is_the_integral_of_the_radiance() {
+        let environment = Environment::Map(turned(texels()));
+        let count = 400;
+        let mut sum = 0.0;
+        for i in 0..count {
+            for j in 0..2 * count {
+                let z = (i as f32 + 0.5) / count as f32 * 2.0 - 1.0;
+                let phi = (j as f32 + 0.5) / (2 * count) as f32 * TAU;
+                let sine = (1.0 - z * z).sqrt();
+                sum += mean(environment.radiance(Vec3::new(sine * phi.cos(), sine * phi.sin(), z)));
+            }
+        }
+        let integral = sum * 4.0 * PI / f64::from(2 * count * count);
+        // Cells count with the mean of their corners, which for four rows is a coarse quadrature of the sine.
+        assert!(
+            (environment.fluence() / integral - 1.0).abs() < 0.03,
+            "{} and {integral}",
+            environment.fluence()
+        );
+    }
+
+    #[test]
+    fn what_is_no_map_is_refused() {
+        let size = EnvironmentMap::new([5, 5], texels(), 1.0, DMat3::IDENTITY).unwrap_err();
+        assert_eq!(size, EnvironmentError::Size { width: 5, height: 5, texels: 20 });
+        assert!(EnvironmentMap::new([0, 0], Vec::new(), 1.0, DMat3::IDENTITY).is_err());
+        let stretch = DMat3::from_diagonal(DVec3::new(1.0, 2.0, 1.0));
+        let transform = EnvironmentMap::new([5, 4], texels(), 1.0, stretch).unwrap_err();
+        assert!(matches!(transform, EnvironmentError::Transform { .. }));
+        assert!(EnvironmentMap::new([5, 4], texels(), 1.0, DMat3::IDENTITY * -3.0).is_ok());
+    }
+}
