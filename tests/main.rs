@@ -1,4 +1,5 @@
 //! Laws of the whole system.
 
+mod emission;
 mod rays;
 mod support;
