@@ -221,3 +221,33 @@ fn numbers_at_the_ends_of_their_interval_are_harmless() {
         }
     }
 }
+
+#[test]
+fn a_mesh_shines_to_the_side_of_its_vertex_normals() {
+    // As Mitsuba 3.9.1: winding, vertex normals and `flip_normals` together decide, see the cases.
+    for (vertex_normal, flip_normals, shines_up) in [
+        (None, false, true),
+        (None, true, false),
+        (Some(Vec3::Z), false, true),
+        (Some(-Vec3::Z), false, false),
+        (Some(Vec3::Z), true, false),
+        (Some(-Vec3::Z), true, true),
+    ] {
+        let part = Part::Mesh(Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            normals: vertex_normal.map_or(Vec::new(), |normal| vec![normal; 3]),
+            triangles: vec![[0, 1, 2]],
+            flip_normals,
+            ..Mesh::default()
+        });
+        let geometry = Geometry::new(vec![part.clone()]);
+        let lit = emitters(vec![area(part, Rgb::WHITE)]);
+        for (side, is_lit) in [(1.0, shines_up), (-1.0, !shines_up)] {
+            let from = Vec3::new(0.2, 0.3, side);
+            let at = meet(&geometry, from, Vec3::Z * -side).expect("the triangle is below");
+            assert_eq!(lit.radiance(FIRST, &at, Vec3::Z * side).is_black(), !is_lit);
+            assert_eq!(lit.pdf(FIRST, from, &at) > 0.0, is_lit);
+            assert_eq!(lit.sample(from, 0.5, Vec2::splat(0.4)).is_some(), is_lit);
+        }
+    }
+}
