@@ -85,8 +85,9 @@ pub enum EnvironmentError {
 /// interpolated bilinearly, the columns wrapping around.
 ///
 /// Directions are sampled by cells, a cell being the place between four texels. Its weight is the mean luminance of the
-/// four times the solid angle, so it is positive wherever the interpolated radiance is; within the cell the density is
-/// uniform in solid angle, and therefore needs no division by a sine that is 0 at the poles.
+/// four times the solid angle, so it is positive wherever the interpolated radiance is. Within the cell the density is
+/// bilinear too, but over equal solid angles instead of equal polar angles, and therefore needs no division by a sine that
+/// is 0 at the poles.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
     width: usize,
@@ -105,9 +106,11 @@ pub struct EnvironmentMap {
 /// A row of cells.
 #[derive(Clone, Copy, Debug)]
 struct Row {
-    /// Cosines of the polar angles of the upper and the lower edge. In double precision: near a pole they differ from 1
-    /// by less than single precision can tell.
-    cosines: [f64; 2],
+    /// 1 in the upper half of the image, -1 in the lower: which pole `heights` count from.
+    pole: f32,
+    /// Distance of the upper and the lower edge from the pole along the `y` axis, `1 - |cos|`. Small near the pole, where
+    /// the cosine itself would have lost its digits.
+    heights: [f32; 2],
     /// One over the solid angle of one of its cells.
     per_solid_angle: f32,
 }
@@ -117,8 +120,10 @@ struct Row {
 struct Place {
     /// Column and row of the cell.
     cell: [usize; 2],
-    /// How far it is from the left and the upper texels to the others, in `[0, 1]`.
+    /// How far it is from the left and the upper texels to the others, in `[0, 1]`: columns and polar angle.
     fraction: Vec2,
+    /// Share of the cell's solid angle above it.
+    above: f32,
 }
 
 /// Largest radiance kept: products with throughputs and cosines stay finite.
@@ -127,6 +132,10 @@ const MAX_RADIANCE: f32 = 1e30;
 /// Share of the samples that goes evenly to all cells that are not black. Without it, next to one texel of a million
 /// times the mean the rest of the sky would be left to chance that 24-bit random numbers cannot express.
 const EVEN_SHARE: f64 = 0.01;
+
+/// Share of a cell's density that does not depend on the place in it. Where bilinear radiance is 0 in a corner at a pole,
+/// it grows faster from there than a density over equal solid angles; this bounds a sample's weight.
+const FLAT_SHARE: f32 = 0.05;
 
 impl EnvironmentMap {
     /// The map with the given texels, row by row from the top, each multiplied by `scale`; `to_world` turns its axes into
@@ -214,7 +223,7 @@ impl EnvironmentMap {
         ]
     }
 
-    /// Where a direction of the world, of any length, meets the image.
+    /// Where a unit vector of the world meets the image.
     #[inline]
     fn locate(&self, direction: Vec3) -> Place {
         let Vec3 { x, y, z } = self.to_local * direction;
@@ -222,26 +231,45 @@ impl EnvironmentMap {
         let turn = x.atan2(-z) * (1.0 / TAU) - 0.5 / self.width as f32;
         let (column, across) = split((turn - turn.floor()) * self.width as f32, self.width);
         // The arc tangent, unlike the arc cosine, is exact near the poles.
-        let polar = (x * x + z * z).sqrt().atan2(y) * FRAC_1_PI;
+        let sine_squared = x * x + z * z;
+        let polar = sine_squared.sqrt().atan2(y) * FRAC_1_PI;
         let (row, down) = split(polar * self.rows.len() as f32, self.rows.len());
-        Place { cell: [column, row], fraction: Vec2::new(across, down) }
+        let Row { pole, heights: [top, bottom], .. } = self.rows[row];
+        let cosine = pole * y;
+        // Both are 1 - cos; each form is exact on its side of the equator.
+        let height = if cosine > 0.0 { sine_squared / (1.0 + cosine) } else { 1.0 - cosine };
+        let above = ((height - top) / (bottom - top)).clamp(0.0, 1.0);
+        Place { cell: [column, row], fraction: Vec2::new(across, down), above }
     }
 
     /// Bilinear interpolation.
     #[inline]
-    fn radiance(&self, Place { cell, fraction }: Place) -> Rgb {
+    fn radiance(&self, Place { cell, fraction, .. }: Place) -> Rgb {
         let [upper_left, upper_right, lower_left, lower_right] = self.corners(cell);
         let upper = upper_left.lerp(upper_right, fraction.x);
         let lower = lower_left.lerp(lower_right, fraction.x);
         upper.lerp(lower, fraction.y)
     }
 
+    /// Relative densities at the corners of a cell; their mean is about 1.
+    #[inline]
+    fn corner_densities(&self, cell: [usize; 2]) -> [f32; 4] {
+        let luminances = self.corners(cell).map(Rgb::luminance);
+        let mean = 0.25 * luminances.iter().sum::<f32>();
+        // A black cell is never chosen.
+        if mean > 0.0 {
+            luminances.map(|luminance| luminance / mean + FLAT_SHARE)
+        } else {
+            [1.0; 4]
+        }
+    }
+
     /// Per steradian.
     #[inline]
-    fn pdf(&self, Place { cell, .. }: Place) -> f32 {
-        self.cells
-            .as_ref()
-            .map_or(0.0, |cells| cells.pmf(cell) * self.rows[cell[1]].per_solid_angle)
+    fn pdf(&self, Place { cell, fraction, above }: Place) -> f32 {
+        let Some(cells) = &self.cells else { return 0.0 };
+        let within = warp::bilinear_pdf(Vec2::new(fraction.x, above), self.corner_densities(cell));
+        cells.pmf(cell) * self.rows[cell[1]].per_solid_angle * within
     }
 
     /// A direction of the world, its radiance and its density per steradian.
@@ -249,12 +277,14 @@ impl EnvironmentMap {
     fn sample(&self, u: Vec2) -> Option<(Vec3, Rgb, f32)> {
         let cell = self.cells.as_ref()?.sample(u);
         let [column, row] = cell.index;
-        let [top, bottom] = self.rows[row].cosines;
-        let cosine = top + (bottom - top) * f64::from(cell.position.y);
-        let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt() as f32;
-        let phi = (column as f32 + cell.position.x + 0.5) / self.width as f32 * TAU;
+        let within = warp::square_to_bilinear(cell.position, self.corner_densities(cell.index));
+        let Row { pole, heights: [top, bottom], .. } = self.rows[row];
+        let height = top + (bottom - top) * within.y;
+        let sine = (height * (2.0 - height)).max(0.0).sqrt();
+        let phi = (column as f32 + within.x + 0.5) / self.width as f32 * TAU;
         let (sin_phi, cos_phi) = phi.sin_cos();
-        let direction = self.to_world * Vec3::new(sin_phi * sine, cosine as f32, -cos_phi * sine);
+        let direction =
+            self.to_world * Vec3::new(sin_phi * sine, pole * (1.0 - height), -cos_phi * sine);
         // Looked up again, so that density and radiance are bit for bit those of the direction, even on a cell's edge.
         let place = self.locate(direction);
         Some((direction, self.radiance(place), self.pdf(place)))
@@ -265,14 +295,18 @@ impl EnvironmentMap {
 fn rows(width: usize, height: usize) -> Vec<Row> {
     let count = (height - 1).max(1);
     let half_angle = |edge: usize| 0.5 * PI * edge as f64 / count as f64;
-    // cos a - cos b = 2 sin((a + b) / 2) sin((b - a) / 2), without cancellation.
-    let difference = |row: usize| {
-        2.0 * (half_angle(row) + half_angle(row + 1)).sin()
-            * (half_angle(row + 1) - half_angle(row)).sin()
-    };
-    let row = |row: usize| Row {
-        cosines: [(2.0 * half_angle(row)).cos(), (2.0 * half_angle(row + 1)).cos()],
-        per_solid_angle: (width as f64 / (2.0 * PI * difference(row))) as f32,
+    let row = |row: usize| {
+        let [top, bottom] = [row, row + 1].map(half_angle);
+        // cos a - cos b = 2 sin((a + b) / 2) sin((b - a) / 2), 1 - cos a = 2 sin²(a / 2) and 1 + cos a = 2 cos²(a / 2), all
+        // without cancellation.
+        let difference = 2.0 * (top + bottom).sin() * (bottom - top).sin();
+        let is_upper = 2 * row < count;
+        let distance = |half: f64| 2.0 * if is_upper { half.sin() } else { half.cos() }.powi(2);
+        Row {
+            pole: if is_upper { 1.0 } else { -1.0 },
+            heights: [distance(top) as f32, distance(bottom) as f32],
+            per_solid_angle: (width as f64 / (2.0 * PI * difference)) as f32,
+        }
     };
     (0..count).map(row).collect()
 }
