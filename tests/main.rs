@@ -3,6 +3,7 @@
 mod analytic;
 mod cli;
 mod determinism;
+mod emission;
 mod equal_energy;
 mod extremes;
 mod rays;
