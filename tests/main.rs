@@ -8,4 +8,5 @@ mod equal_energy;
 mod extremes;
 mod rays;
 mod sampling;
+mod scene;
 mod support;
