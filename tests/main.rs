@@ -1,3 +1,4 @@
 //! Laws of the whole system.
 
+mod rays;
 mod support;

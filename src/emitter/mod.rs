@@ -1,9 +1,25 @@
 //! Where light comes from, and how to choose a direction to it.
+//!
+//! [`Emitters::sample`] chooses an emitter (in proportion to its power, mixed with 5 % uniform) and then a direction to
+//! it; [`Emitters::pdf`] and [`Emitters::environment_pdf`] are the density of just that, for directions found in another
+//! way. Densities are per steradian. An emitter that is black or has no area is never chosen, and its density is 0.
+//!
+//! Area emitters shine from the side of their normal only: both the radiance and the density are 0 behind it.
+
+mod area;
+mod environment;
+mod point;
+
+pub use environment::{Environment, EnvironmentError, EnvironmentMap};
 
 use crate::geometry::{Interaction, Part};
 use crate::math::Rgb;
+use crate::math::distribution::AliasTable;
 use crate::texture::Texture;
+use area::AreaEmitter;
 use glam::{Vec2, Vec3};
+use point::{Directional, Point, Spot};
+use std::f64::consts::PI;
 
 /// Index of an emitter in [`Emitters`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -34,40 +50,197 @@ pub enum Emitter {
         /// Emitted radiance over the surface.
         radiance: Texture,
     },
+    /// A point that shines equally into all directions.
+    Point {
+        /// Where it is, in world space.
+        position: Vec3,
+        /// Radiant intensity, W/sr.
+        intensity: Rgb,
+    },
+    /// A point that shines into a cone, linearly darker with the angle between the beam and the cut-off.
+    Spot {
+        /// Where it is, in world space.
+        position: Vec3,
+        /// Axis of the cone, away from the emitter; need not be a unit vector.
+        direction: Vec3,
+        /// Radiant intensity along the axis, W/sr.
+        intensity: Rgb,
+        /// Angle between the axis and the first direction without light, in degrees.
+        cutoff_angle: f32,
+        /// Angle between the axis and the last direction of full intensity, in degrees; at most `cutoff_angle`.
+        beam_width: f32,
+    },
+    /// Parallel light from infinitely far away.
+    Directional {
+        /// Where the light goes, in world space; need not be a unit vector.
+        direction: Vec3,
+        /// Irradiance of a surface perpendicular to it, W/m².
+        irradiance: Rgb,
+    },
+    /// Light from infinitely far away in all directions.
+    Environment(Environment),
 }
+
+/// Share of the choices that goes to all emitters equally. More would waste samples on dim emitters; less would make
+/// their light noisier where no bright emitter reaches, since a sample's weight is at most the number of emitters
+/// divided by this share.
+const UNIFORM_SHARE: f64 = 0.05;
 
 /// All emitters of a scene, and the probability of choosing each: proportional to power, mixed with 5 % uniform.
 #[derive(Clone, Debug, Default)]
-pub struct Emitters {}
+pub struct Emitters {
+    sources: Vec<Source>,
+    /// Missing when there is no light at all.
+    selection: Option<AliasTable>,
+    /// Which source is the environment.
+    environment: Option<usize>,
+}
+
+/// An emitter with what sampling it needs, computed once.
+#[derive(Clone, Debug)]
+enum Source {
+    Area(AreaEmitter),
+    Point(Point),
+    Spot(Spot),
+    Directional(Directional),
+    Environment(Environment),
+}
 
 impl Emitters {
-    /// `center` and `radius` are of a sphere around the scene and the camera.
-    pub fn new(_emitters: Vec<Emitter>, _center: Vec3, _radius: f32) -> Self {
-        todo!()
+    /// `center` and `radius` are of a sphere around the scene and the camera. [`EmitterId`]s count along `emitters`.
+    ///
+    /// # Panics
+    /// When there is more than one environment.
+    pub fn new(emitters: Vec<Emitter>, _center: Vec3, radius: f32) -> Self {
+        let sources: Vec<Source> = emitters.into_iter().map(Source::new).collect();
+        let mut environments =
+            (0..sources.len()).filter(|&i| matches!(sources[i], Source::Environment(_)));
+        let environment = environments.next();
+        assert!(environments.next().is_none(), "a scene has at most one environment");
+
+        let powers: Vec<f64> =
+            sources.iter().map(|source| source.power(f64::from(radius))).collect();
+        Self { selection: AliasTable::new(&selection_weights(&powers)), sources, environment }
     }
 
     /// Chooses an emitter by `selection` and a direction to it from `from` by `u`; `None` when there is no light that way.
-    pub fn sample(&self, _from: Vec3, _selection: f32, _u: Vec2) -> Option<EmitterSample> {
-        todo!()
+    #[inline]
+    pub fn sample(&self, from: Vec3, selection: f32, u: Vec2) -> Option<EmitterSample> {
+        let choice = self.selection.as_ref()?.sample(selection);
+        let mut sample = match &self.sources[choice.index] {
+            Source::Area(area) => area.sample(from, choice.remainder, u),
+            Source::Point(point) => point.sample(from),
+            Source::Spot(spot) => spot.sample(from),
+            Source::Directional(directional) => Some(directional.sample()),
+            Source::Environment(environment) => environment.sample(u),
+        }?;
+        sample.pdf *= choice.pmf;
+        // A density that single precision cannot hold comes from points nearer than about 1e-19, or seen edge-on.
+        (!sample.radiance.is_black() && sample.pdf > 0.0 && sample.pdf.is_finite())
+            .then_some(sample)
     }
 
     /// Radiance that the area emitter `id` sends from `at` into the unit direction `wo`.
-    pub fn radiance(&self, _id: EmitterId, _at: &Interaction, _wo: Vec3) -> Rgb {
-        todo!()
+    #[inline]
+    pub fn radiance(&self, id: EmitterId, at: &Interaction, wo: Vec3) -> Rgb {
+        match &self.sources[id.0 as usize] {
+            Source::Area(area) if at.normal.dot(wo) > 0.0 => area.radiance(at.uv),
+            _ => Rgb::BLACK,
+        }
     }
 
     /// Density, selection included, with which [`Emitters::sample`] from `from` gives the direction to `at` on `id`.
-    pub fn pdf(&self, _id: EmitterId, _from: Vec3, _at: &Interaction) -> f32 {
-        todo!()
+    #[inline]
+    pub fn pdf(&self, id: EmitterId, from: Vec3, at: &Interaction) -> f32 {
+        match &self.sources[id.0 as usize] {
+            Source::Area(area) => self.probability(id) * area.pdf(from, at),
+            _ => 0.0,
+        }
     }
 
     /// Radiance of the environment from the unit direction `direction` (pointing away from the scene).
-    pub fn environment(&self, _direction: Vec3) -> Rgb {
-        todo!()
+    #[inline]
+    pub fn environment(&self, direction: Vec3) -> Rgb {
+        self.environment_source()
+            .map_or(Rgb::BLACK, |(_, environment)| environment.radiance(direction))
     }
 
     /// Density, selection included, with which [`Emitters::sample`] gives that direction of the environment.
-    pub fn environment_pdf(&self, _direction: Vec3) -> f32 {
-        todo!()
+    #[inline]
+    pub fn environment_pdf(&self, direction: Vec3) -> f32 {
+        self.environment_source().map_or(0.0, |(id, environment)| {
+            let probability = self.probability(id);
+            // The environment need not be looked up when it is black.
+            if probability > 0.0 { probability * environment.pdf(direction) } else { 0.0 }
+        })
     }
+
+    /// Probability of choosing the emitter `id`.
+    #[inline]
+    pub fn probability(&self, id: EmitterId) -> f32 {
+        self.selection.as_ref().map_or(0.0, |selection| selection.pmf(id.0 as usize))
+    }
+
+    /// Is there nothing to sample?
+    pub fn is_dark(&self) -> bool {
+        self.selection.is_none()
+    }
+
+    #[inline]
+    fn environment_source(&self) -> Option<(EmitterId, &Environment)> {
+        let index = self.environment?;
+        match &self.sources[index] {
+            Source::Environment(environment) => Some((EmitterId(index as u32), environment)),
+            _ => None,
+        }
+    }
+}
+
+impl Source {
+    fn new(emitter: Emitter) -> Self {
+        match emitter {
+            Emitter::Area { part, radiance } => Self::Area(AreaEmitter::new(part, radiance)),
+            Emitter::Point { position, intensity } => Self::Point(Point { position, intensity }),
+            Emitter::Spot { position, direction, intensity, cutoff_angle, beam_width } => {
+                Self::Spot(Spot::new(position, direction, intensity, cutoff_angle, beam_width))
+            }
+            Emitter::Directional { direction, irradiance } => {
+                Self::Directional(Directional::new(direction, irradiance))
+            }
+            Emitter::Environment(environment) => Self::Environment(environment),
+        }
+    }
+
+    /// Power in watts, mean of the three colours; of light from infinity, that which enters a sphere of radius `radius`.
+    fn power(&self, radius: f64) -> f64 {
+        let cross_section = PI * radius * radius;
+        match self {
+            Self::Area(area) => area.power(),
+            Self::Point(point) => 4.0 * PI * mean(point.intensity),
+            Self::Spot(spot) => spot.power(),
+            Self::Directional(directional) => cross_section * mean(directional.irradiance),
+            Self::Environment(environment) => cross_section * environment.fluence(),
+        }
+    }
+}
+
+/// Probabilities of choosing emitters of the given powers. What has no power is never chosen.
+fn selection_weights(powers: &[f64]) -> Vec<f64> {
+    let usable = |power: f64| if power > 0.0 { power.min(f64::MAX) } else { 0.0 };
+    let largest = powers.iter().copied().map(usable).fold(0.0, f64::max);
+    let total: f64 = powers.iter().map(|&power| usable(power) / largest).sum();
+    let count = powers.iter().filter(|&&power| power > 0.0).count() as f64;
+    let weight = |power: f64| {
+        if power > 0.0 {
+            (1.0 - UNIFORM_SHARE) * (usable(power) / largest / total) + UNIFORM_SHARE / count
+        } else {
+            0.0
+        }
+    };
+    powers.iter().map(|&power| weight(power)).collect()
+}
+
+/// Mean of the three colours, in double precision.
+fn mean(colour: Rgb) -> f64 {
+    colour.to_array().iter().map(|&value| f64::from(value)).sum::<f64>() / 3.0
 }

@@ -17,6 +17,14 @@ pub struct Mesh {
     pub flip_normals: bool,
 }
 
+impl Mesh {
+    /// The positions at three vertex indices; `None` where one is out of range.
+    pub fn corners(&self, indices: [u32; 3]) -> Option<[Vec3; 3]> {
+        let corner = |index: u32| self.positions.get(index as usize).copied();
+        Some([corner(indices[0])?, corner(indices[1])?, corner(indices[2])?])
+    }
+}
+
 /// One shape of a scene: it has one material, and may be one emitter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Part {
@@ -52,4 +60,28 @@ pub enum Part {
         /// Do normals point inward?
         flip_normals: bool,
     },
+}
+
+impl Part {
+    /// The mesh, if it is one.
+    pub fn mesh(&self) -> Option<&Mesh> {
+        match self {
+            Self::Mesh(mesh) => Some(mesh),
+            _ => None,
+        }
+    }
+
+    /// Are all its coordinates and sizes finite?
+    pub fn is_finite(&self) -> bool {
+        match self {
+            Self::Mesh(mesh) => mesh.positions.iter().all(|position| position.is_finite()),
+            Self::Sphere { center, radius, .. } => center.is_finite() && radius.is_finite(),
+            Self::Disk { center, axes, .. } => {
+                center.is_finite() && axes.iter().all(|axis| axis.is_finite())
+            }
+            Self::Cylinder { start, end, radius, .. } => {
+                start.is_finite() && end.is_finite() && radius.is_finite()
+            }
+        }
+    }
 }

@@ -1,1 +1,204 @@
-//! Placeholder.
+//! Choosing among weighted things: an alias table for lists, cumulative sums for grids.
+//!
+//! Weights that are negative, NaN or infinite count as zero. Sums are taken in `f64`, so that weights may differ by any
+//! factor that `f64` holds.
+
+use glam::Vec2;
+
+/// What [`AliasTable::sample`] chose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// Which entry.
+    pub index: usize,
+    /// Its probability.
+    pub pmf: f32,
+    /// What is left of the number that made the choice: again uniform in `[0, 1)`, with fewer bits.
+    pub remainder: f32,
+}
+
+/// Chooses among `n` entries in constant time (Walker 1977; built by Vose 1991, "A Linear Algorithm for Generating
+/// Random Numbers with a Given Distribution").
+#[derive(Clone, Debug, Default)]
+pub struct AliasTable {
+    entries: Vec<AliasEntry>,
+}
+
+/// One of `n` equally probable columns: itself up to `threshold`, its alias above.
+#[derive(Clone, Copy, Debug)]
+struct AliasEntry {
+    threshold: f32,
+    alias: u32,
+    pmf: f32,
+}
+
+impl AliasTable {
+    /// The table for `weights`; `None` when no weight is positive.
+    pub fn new(weights: &[f64]) -> Option<Self> {
+        let probabilities = normalize(weights)?;
+        let count = probabilities.len();
+        let mut entries: Vec<AliasEntry> = (0u32..)
+            .zip(&probabilities)
+            .map(|(index, &pmf)| AliasEntry { threshold: 1.0, alias: index, pmf: pmf as f32 })
+            .collect();
+
+        // Fill each column that is too short from one that is too tall, until none is left.
+        let mut heights: Vec<f64> = probabilities.iter().map(|pmf| pmf * count as f64).collect();
+        let (mut short, mut tall): (Vec<usize>, Vec<usize>) =
+            (0..count).partition(|&i| heights[i] < 1.0);
+        while let (Some(&low), Some(&high)) = (short.last(), tall.last()) {
+            short.pop();
+            entries[low].threshold = heights[low] as f32;
+            entries[low].alias = high as u32;
+            heights[high] -= 1.0 - heights[low];
+            if heights[high] < 1.0 {
+                tall.pop();
+                short.push(high);
+            }
+        }
+        // Rounding may leave short columns that miss 1 by a hair: they keep threshold 1. An impossible entry must not
+        // be among them, so those alias the most probable one.
+        let likeliest =
+            (0..count).max_by(|&a, &b| probabilities[a].total_cmp(&probabilities[b]))?;
+        for (entry, &pmf) in entries.iter_mut().zip(&probabilities) {
+            if pmf == 0.0 && entry.threshold > 0.0 {
+                (entry.threshold, entry.alias) = (0.0, likeliest as u32);
+            }
+        }
+        Some(Self { entries })
+    }
+
+    /// Chooses an entry by `u` in `[0, 1)`.
+    #[inline]
+    pub fn sample(&self, u: f32) -> Choice {
+        let scaled = u * self.entries.len() as f32;
+        // The product may round up to n.
+        let column = (scaled as usize).min(self.entries.len() - 1);
+        let fraction = (scaled - column as f32).min(ONE_MINUS_EPSILON);
+        let entry = self.entries[column];
+        if fraction < entry.threshold {
+            let remainder = (fraction / entry.threshold).min(ONE_MINUS_EPSILON);
+            Choice { index: column, pmf: entry.pmf, remainder }
+        } else {
+            let index = entry.alias as usize;
+            let remainder =
+                ((fraction - entry.threshold) / (1.0 - entry.threshold)).min(ONE_MINUS_EPSILON);
+            Choice { index, pmf: self.entries[index].pmf, remainder }
+        }
+    }
+
+    /// Probability of entry `index`.
+    #[inline]
+    pub fn pmf(&self, index: usize) -> f32 {
+        self.entries[index].pmf
+    }
+}
+
+/// What [`Grid::sample`] chose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Column and row.
+    pub index: [usize; 2],
+    /// Probability of the cell.
+    pub pmf: f32,
+    /// Where in the cell, uniform in `[0, 1)²`.
+    pub position: Vec2,
+}
+
+/// A grid of cells, one chosen in proportion to its weight by inverting first the cumulative sum of the rows' weights,
+/// then that of the row's cells. Unlike an alias table this keeps stratified points stratified.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    width: usize,
+    /// Cumulative probability of the rows: `height + 1` values from 0 to 1.
+    rows: Vec<f32>,
+    /// Cumulative conditional probability of the cells of each row: `width + 1` values a row.
+    columns: Vec<f32>,
+}
+
+impl Grid {
+    /// The grid of the weights, row by row, `width` a row; `None` when no weight is positive.
+    ///
+    /// # Panics
+    /// When there is no whole number of rows.
+    pub fn new(width: usize, weights: &[f64]) -> Option<Self> {
+        assert!(
+            width > 0 && weights.len().is_multiple_of(width),
+            "{} weights in rows of {width}",
+            weights.len()
+        );
+        // Dividing by the largest weight first keeps the sums finite.
+        let largest = weights.iter().copied().map(usable).fold(0.0, f64::max);
+        if largest == 0.0 {
+            return None;
+        }
+        let scaled: Vec<f64> = weights.iter().map(|&weight| usable(weight) / largest).collect();
+        let sums: Vec<f64> = scaled.chunks_exact(width).map(|row| row.iter().sum()).collect();
+        let columns = scaled.chunks_exact(width).flat_map(cumulative).collect();
+        Some(Self { width, rows: cumulative(&sums), columns })
+    }
+
+    /// Chooses a cell, the row by `u.y` and the column by `u.x`, both in `[0, 1)`.
+    #[inline]
+    pub fn sample(&self, u: Vec2) -> Cell {
+        let (row, row_pmf, y) = invert(&self.rows, u.y);
+        let (column, column_pmf, x) = invert(self.row(row), u.x);
+        Cell { index: [column, row], pmf: row_pmf * column_pmf, position: Vec2::new(x, y) }
+    }
+
+    /// Probability of the cell in the given column and row.
+    #[inline]
+    pub fn pmf(&self, [column, row]: [usize; 2]) -> f32 {
+        let columns = self.row(row);
+        (self.rows[row + 1] - self.rows[row]) * (columns[column + 1] - columns[column])
+    }
+
+    #[inline]
+    fn row(&self, row: usize) -> &[f32] {
+        let start = row * (self.width + 1);
+        &self.columns[start..=start + self.width]
+    }
+}
+
+/// The largest number below 1.
+const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// The weight itself if it is positive and finite, else 0.
+fn usable(weight: f64) -> f64 {
+    if weight.is_finite() { weight.max(0.0) } else { 0.0 }
+}
+
+/// Weights divided by their sum; `None` when that is zero.
+fn normalize(weights: &[f64]) -> Option<Vec<f64>> {
+    // Dividing by the largest first keeps the sum finite.
+    let largest = weights.iter().copied().map(usable).fold(0.0, f64::max);
+    if largest == 0.0 {
+        return None;
+    }
+    let sum: f64 = weights.iter().map(|&weight| usable(weight) / largest).sum();
+    Some(weights.iter().map(|&weight| usable(weight) / largest / sum).collect())
+}
+
+/// Cumulative sums divided by the total: one value more than there are weights, from 0 to exactly 1. All zero for a row
+/// without weight, which is never chosen.
+fn cumulative(weights: &[f64]) -> Vec<f32> {
+    let total: f64 = weights.iter().sum();
+    if total == 0.0 {
+        return vec![0.0; weights.len() + 1];
+    }
+    let mut sum = 0.0;
+    let sums = weights.iter().map(|weight| {
+        sum += weight;
+        (sum / total) as f32
+    });
+    std::iter::once(0.0).chain(sums).collect()
+}
+
+/// The interval of the cumulative sums that holds `u`, its probability and the place of `u` in it.
+#[inline]
+fn invert(cumulative: &[f32], u: f32) -> (usize, f32, f32) {
+    // The last sum is 1 and u is less, so that the interval found ends above u and has a positive length.
+    let end = cumulative.partition_point(|&sum| sum <= u).clamp(1, cumulative.len() - 1);
+    let (low, high) = (cumulative[end - 1], cumulative[end]);
+    let width = high - low;
+    (end - 1, width, ((u - low) / width).min(ONE_MINUS_EPSILON))
+}

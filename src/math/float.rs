@@ -1,1 +1,70 @@
-//! Placeholder.
+//! Bounds of rounding errors, and moving points by them.
+//!
+//! Every f32 operation is exact up to a factor `1 + δ`, `|δ| ≤ `[`UNIT_ROUNDOFF`]; `n` of them in a row up to
+//! `1 ± gamma(n)` (Higham 2002, "Accuracy and Stability of Numerical Algorithms", lemma 3.1). Rays leave surfaces by such
+//! bounds and never by an absolute distance, so that a scene works at any scale.
+
+use glam::Vec3;
+
+/// Half the distance from 1 to the next larger f32: the largest relative error of one rounding.
+pub const UNIT_ROUNDOFF: f32 = f32::EPSILON * 0.5;
+
+/// The largest relative error of `n` roundings in a row, `nε / (1 − nε)`.
+pub const fn gamma(n: u32) -> f32 {
+    let n = n as f32 * UNIT_ROUNDOFF;
+    n / (1.0 - n)
+}
+
+/// `point` moved along the unit vector `normal`, far enough to leave the box of half-size `error` around it, each
+/// coordinate rounded away from where it was (Pharr, Jakob and Humphreys 2023, "Physically Based Rendering", 6.8.6).
+/// The point lands on the side of the surface that `direction` points to.
+pub fn offset_point(point: Vec3, error: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
+    let distance = normal.abs().dot(error);
+    let offset = if direction.dot(normal) < 0.0 { normal * -distance } else { normal * distance };
+    let away = |position: f32, offset: f32| {
+        let moved = position + offset;
+        if offset > 0.0 {
+            moved.next_up()
+        } else if offset < 0.0 {
+            moved.next_down()
+        } else {
+            moved
+        }
+    };
+    Vec3::new(away(point.x, offset.x), away(point.y, offset.y), away(point.z, offset.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gamma_bounds_a_chain_of_products() {
+        for n in 1..40 {
+            let factor = 1.1f32;
+            let rounded = (0..n).fold(1.0f32, |product, _| product * factor);
+            let exact = (0..n).fold(1.0f64, |product, _| product * f64::from(factor));
+            assert!(
+                (f64::from(rounded) - exact).abs() <= f64::from(gamma(n)) * exact,
+                "{n} products"
+            );
+        }
+        assert!(gamma(1) >= UNIT_ROUNDOFF && gamma(1) < 1.001 * UNIT_ROUNDOFF);
+    }
+
+    #[test]
+    fn an_offset_point_leaves_its_error_box_on_the_side_of_the_direction() {
+        let normal = Vec3::new(0.6, -0.64, 0.48);
+        for scale in [1e-4f32, 1.0, 1e6] {
+            let point = Vec3::new(0.3, -7.0, 1e-3) * scale;
+            let error = point.abs() * gamma(5);
+            for side in [1.0, -1.0] {
+                let moved = offset_point(point, error, normal, normal * side);
+                let along =
+                    (moved.as_dvec3() - point.as_dvec3()).dot(normal.as_dvec3()) * f64::from(side);
+                let needed = normal.abs().as_dvec3().dot(error.as_dvec3());
+                assert!(along >= needed, "moved {along}, needed {needed}");
+            }
+        }
+    }
+}

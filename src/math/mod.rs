@@ -4,6 +4,7 @@ pub mod distribution;
 pub mod float;
 pub mod frame;
 pub mod rgb;
+pub mod rigid;
 pub mod warp;
 
 pub use frame::Frame;

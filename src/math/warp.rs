@@ -1,1 +1,202 @@
-//! Placeholder.
+//! Maps from the unit square to other domains, with their densities.
+//!
+//! Each `square_to_x` maps uniform points of `[0, 1)²` to points of density `x_pdf`, and keeps neighbours neighbours,
+//! so that stratified points stay stratified. Densities over directions are per steradian; directions are unit
+//! vectors around `z`.
+
+use glam::{Vec2, Vec3};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI, TAU};
+
+/// A point of the unit disk, uniform in area (Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square":
+/// squares around the centre become circles).
+#[inline]
+pub fn square_to_disk(u: Vec2) -> Vec2 {
+    let square = 2.0 * u - Vec2::ONE;
+    let (radius, angle) = if square.x.abs() > square.y.abs() {
+        (square.x, FRAC_PI_4 * (square.y / square.x))
+    } else if square.y != 0.0 {
+        (square.y, FRAC_PI_2 - FRAC_PI_4 * (square.x / square.y))
+    } else {
+        return Vec2::ZERO;
+    };
+    radius * Vec2::from_angle(angle)
+}
+
+/// Density of [`square_to_disk`], per unit of area, inside the disk.
+pub const DISK_PDF: f32 = FRAC_1_PI;
+
+/// A direction of the upper hemisphere, of density proportional to its cosine: a point of the disk lifted to the
+/// hemisphere (Malley's method).
+#[inline]
+pub fn square_to_cosine_hemisphere(u: Vec2) -> Vec3 {
+    let disk = square_to_disk(u);
+    // The rim of the disk has cosine 0 and density 0; rounding must not make it negative or NaN.
+    disk.extend((1.0 - disk.length_squared()).max(0.0).sqrt())
+}
+
+/// Density of [`square_to_cosine_hemisphere`]: `cos θ / π`, and 0 below the horizon.
+#[inline]
+pub fn cosine_hemisphere_pdf(direction: Vec3) -> f32 {
+    direction.z.max(0.0) * FRAC_1_PI
+}
+
+/// A direction of the whole sphere, uniform.
+#[inline]
+pub fn square_to_sphere(u: Vec2) -> Vec3 {
+    // 1 - z² with z = 1 - 2u is 4u(1 - u), which does not cancel at the poles.
+    let sine = 2.0 * (u.x * (1.0 - u.x)).sqrt();
+    let (sin_phi, cos_phi) = (TAU * u.y).sin_cos();
+    Vec3::new(sine * cos_phi, sine * sin_phi, 1.0 - 2.0 * u.x)
+}
+
+/// Density of [`square_to_sphere`].
+pub const SPHERE_PDF: f32 = 0.25 * FRAC_1_PI;
+
+/// A direction of the cone around `z` whose half-angle has the given `1 - cos`, uniform. Taking `1 - cos` instead of
+/// the cosine keeps narrow cones exact; see [`one_minus_cosine`].
+#[inline]
+pub fn square_to_cone(u: Vec2, one_minus_cosine: f32) -> Vec3 {
+    let height = u.x * one_minus_cosine;
+    let sine = (height * (2.0 - height)).max(0.0).sqrt();
+    let (sin_phi, cos_phi) = (TAU * u.y).sin_cos();
+    Vec3::new(sine * cos_phi, sine * sin_phi, 1.0 - height)
+}
+
+/// Density of [`square_to_cone`] inside the cone: one over its solid angle `2π(1 - cos)`.
+#[inline]
+pub fn cone_pdf(one_minus_cosine: f32) -> f32 {
+    1.0 / (TAU * one_minus_cosine)
+}
+
+/// `1 - cos` of the angle below a right angle with the given squared sine, without cancellation: `sin² / (1 + cos)`.
+#[inline]
+pub fn one_minus_cosine(sine_squared: f32) -> f32 {
+    sine_squared / (1.0 + (1.0 - sine_squared).max(0.0).sqrt())
+}
+
+/// Barycentric weights of the second and third vertex of a point of a triangle, uniform in area. The square is folded
+/// along a diagonal and each half sheared onto half of the triangle (Heitz 2019, "A Low-Distortion Map Between
+/// Triangle and Square"): no square root, and less distortion than with one.
+#[inline]
+pub fn square_to_triangle(u: Vec2) -> Vec2 {
+    if u.y > u.x {
+        let x = 0.5 * u.x;
+        Vec2::new(x, u.y - x)
+    } else {
+        let y = 0.5 * u.y;
+        Vec2::new(u.x - y, y)
+    }
+}
+
+/// Density of [`square_to_triangle`] in barycentric coordinates; divide by twice the triangle's area to have it per
+/// unit of that.
+pub const TRIANGLE_PDF: f32 = 2.0;
+
+/// The solid angle of the whole sphere.
+pub const SPHERE_SOLID_ANGLE: f32 = 4.0 * PI;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{IndependentSampler, Sampler};
+
+    /// χ² of `count` samples over cells of equal probability must be below the quantile of 1 - 1e-5 (Wilson and
+    /// Hilferty's approximation, 4.265 standard deviations).
+    fn assert_uniform(name: &str, cells: usize, count: usize, mut cell: impl FnMut(Vec2) -> usize) {
+        let mut sampler = IndependentSampler::new(1, 2, 3);
+        let mut counts = vec![0u32; cells];
+        (0..count).for_each(|_| counts[cell(sampler.next_2d())] += 1);
+        let expected = count as f64 / cells as f64;
+        assert!(expected >= 50.0);
+        let chi_squared: f64 =
+            counts.iter().map(|&n| (f64::from(n) - expected).powi(2) / expected).sum();
+        let freedom = (cells - 1) as f64;
+        let spread = 2.0 / (9.0 * freedom);
+        let bound = freedom * (1.0 - spread + 4.265 * spread.sqrt()).powi(3);
+        assert!(chi_squared < bound, "{name}: χ² {chi_squared}, bound {bound}");
+    }
+
+    /// The cell, of `n` × `n`, of two coordinates in `[0, 1]`.
+    fn cell(n: usize, x: f32, y: f32) -> usize {
+        let index = |value: f32| ((value * n as f32) as usize).min(n - 1);
+        index(x) * n + index(y)
+    }
+
+    fn turn(direction: Vec2) -> f32 {
+        (direction.y.atan2(direction.x) / TAU).rem_euclid(1.0)
+    }
+
+    #[test]
+    fn samples_have_the_density_that_is_claimed() {
+        // Cells of equal probability under the claimed densities: r² of a disk, sin² of the cosine hemisphere, z of
+        // the sphere, and the height of a cone's cap are uniform, and so are the angles around them.
+        const N: usize = 32;
+        const COUNT: usize = 1 << 18;
+        assert_uniform("disk", N * N, COUNT, |u| {
+            let disk = square_to_disk(u);
+            cell(N, disk.length_squared(), turn(disk))
+        });
+        assert_uniform("cosine hemisphere", N * N, COUNT, |u| {
+            let direction = square_to_cosine_hemisphere(u);
+            cell(N, 1.0 - direction.z * direction.z, turn(direction.truncate()))
+        });
+        assert_uniform("sphere", N * N, COUNT, |u| {
+            let direction = square_to_sphere(u);
+            cell(N, 0.5 * (direction.z + 1.0), turn(direction.truncate()))
+        });
+        for cap in [0.3, 1.0, 1.7] {
+            assert_uniform("cone", N * N, COUNT, |u| {
+                let direction = square_to_cone(u, cap);
+                cell(N, (1.0 - direction.z) / cap, turn(direction.truncate()))
+            });
+        }
+        // Of the triangle, s = (1 - b)² and c / (1 - b) are uniform for the weights b and c.
+        assert_uniform("triangle", N * N, COUNT, |u| {
+            let Vec2 { x, y } = square_to_triangle(u);
+            assert!(x >= 0.0 && y >= 0.0 && x + y <= 1.0);
+            cell(N, (1.0 - x) * (1.0 - x), y / (1.0 - x))
+        });
+    }
+
+    #[test]
+    fn densities_integrate_to_one() {
+        // Midpoints in z: the cosine is linear in it, so the sum is exact up to rounding.
+        let n = 1000;
+        let cosines = (0..2 * n).map(|i| (i as f32 + 0.5) / n as f32 - 1.0);
+        let total: f32 =
+            cosines.map(|z| cosine_hemisphere_pdf(Vec3::new(0.0, 0.0, z)) * TAU / n as f32).sum();
+        assert!((total - 1.0).abs() < 1e-5, "{total}");
+        assert!((SPHERE_PDF * SPHERE_SOLID_ANGLE - 1.0).abs() < 1e-6);
+        assert!((cone_pdf(2.0) - SPHERE_PDF).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_narrow_cone_keeps_its_width() {
+        // sin = 1e-6: the cosine rounds to 1 in single precision, and 1 - cos is 5e-13.
+        let cap = one_minus_cosine(1e-12);
+        assert!((cap / 5e-13 - 1.0).abs() < 1e-6);
+        let rim = square_to_cone(Vec2::new(1.0, 0.25), cap);
+        assert!((rim.truncate().length() / 1e-6 - 1.0).abs() < 1e-6);
+        assert_eq!(one_minus_cosine(0.0), 0.0);
+        assert_eq!(one_minus_cosine(1.0), 1.0);
+    }
+
+    #[test]
+    fn corners_are_finite_unit_vectors() {
+        let last = 1.0 - f32::EPSILON / 2.0;
+        for u in
+            [0.0, 0.5, last].into_iter().flat_map(|x| [0.0, 0.5, last].map(|y| Vec2::new(x, y)))
+        {
+            let directions = [
+                square_to_cosine_hemisphere(u),
+                square_to_sphere(u),
+                square_to_cone(u, 2.0),
+                square_to_cone(u, 0.0),
+            ];
+            for direction in directions {
+                assert!((direction.length() - 1.0).abs() < 1e-6, "{u} gives {direction}");
+            }
+            assert!(square_to_disk(u).length() <= 1.0 + 1e-6);
+        }
+    }
+}

@@ -1,4 +1,15 @@
 //! Where random numbers come from.
+//!
+//! Numbers belong to one sample of one pixel: a sampler is made from the seed, the pixel and the sample's index, and
+//! needs nothing else, so that any thread can make any sample and one sample can be made again. Every number is a
+//! multiple of 2⁻²⁴ in `[0, 1)`: 24 bits fill an `f32`'s mantissa exactly, so that 1 cannot occur by rounding.
+
+mod hash;
+pub mod independent;
+pub mod sobol;
+
+pub use independent::IndependentSampler;
+pub use sobol::SobolSampler;
 
 use glam::Vec2;
 
@@ -9,4 +20,11 @@ pub trait Sampler {
 
     /// The next two numbers, well distributed together.
     fn next_2d(&mut self) -> Vec2;
+}
+
+/// The top 24 bits of `bits` as a number in `[0, 1)`.
+#[inline]
+fn unit_interval(bits: u32) -> f32 {
+    // Below 2²⁴ the signed conversion is exact, and it is one instruction where the unsigned one is several.
+    (bits >> 8) as i32 as f32 * (1.0 / 16_777_216.0)
 }
