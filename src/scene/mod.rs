@@ -5,7 +5,9 @@ pub mod camera;
 mod error;
 pub mod material;
 pub mod mesh_file;
+pub mod mtl;
 pub mod obj;
+mod obj_scene;
 pub mod ply;
 mod requirements;
 mod xml;
@@ -87,13 +89,16 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Loads a Mitsuba scene (`.xml`), or the scene of a folder: its `scene.xml`.
+    /// Loads a Mitsuba scene (`.xml`), the scene of a folder: its `scene.xml`, or an OBJ file with its materials (`.obj`).
     ///
     /// # Errors
     /// Whatever is wrong with the scene, with its place in the file and what would be right.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, SceneError> {
         let path = find_scene(path)?;
-        xml::load(&path, options).map(build::Description::build)
+        let is_obj =
+            path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
+        let read = if is_obj { obj_scene::load } else { xml::load };
+        read(&path, options).map(build::Description::build)
     }
 }
 
