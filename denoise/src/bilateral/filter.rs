@@ -119,9 +119,23 @@ impl Stack {
             vectorise(RowKernel { stack: self, parameters, y, out });
             done();
         });
+        self.image_of_rows(rows)
+    }
+
+    fn image_of_rows(&self, rows: Vec<f32>) -> Image {
         let mut image = Image::from_shape_vec((self.height, 3, self.width), rows).expect("three rows for each row");
         image.swap_axes(0, 1);
         image.as_standard_layout().into_owned()
+    }
+
+    /// [`Stack::filter`] as a processor without wide vectors computes it.
+    #[cfg(test)]
+    pub(super) fn filter_portably(&self, parameters: &Parameters) -> Image {
+        let mut rows = vec![0.0; self.height * 3 * self.width];
+        rows.chunks_mut(3 * self.width).enumerate().for_each(|(y, out)| {
+            RowKernel { stack: self, parameters, y, out }.run();
+        });
+        self.image_of_rows(rows)
     }
 }
 
