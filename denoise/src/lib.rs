@@ -3,8 +3,8 @@
 pub mod atomic;
 pub mod bilateral;
 pub mod error;
+mod exp;
 pub mod exr;
-mod lanes;
 pub mod layers;
 pub mod metrics;
 pub mod picture;

@@ -97,3 +97,122 @@ pub fn estimated_relative_l2(layer: &Layer) -> Option<f64> {
     });
     Some(terms.sum::<f64>() / layer.mean.len() as f64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Repeatable uniform numbers in `[0, 1)`.
+    fn uniform(state: &mut u64) -> f64 {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 11) as f64 / 9_007_199_254_740_992.0
+    }
+
+    /// A layer of 100×100 pixels, each of two halves of `n` samples of a function whose variance is 1/12: independent
+    /// or one in each of `n` strata.
+    fn layer(n: usize, stratified: bool, seed: u64) -> Layer {
+        let mut state = seed;
+        let shape = (1, 100, 100);
+        let mut halves = [Image::zeros(shape), Image::zeros(shape)];
+        let mut variance = Image::zeros(shape);
+        for index in ndarray::indices(shape) {
+            let mut samples = Vec::new();
+            for half in &mut halves {
+                let values: Vec<f64> = (0..n)
+                    .map(|k| {
+                        let u = uniform(&mut state);
+                        if stratified { (k as f64 + u) / n as f64 } else { u }
+                    })
+                    .collect();
+                half[index] = (values.iter().sum::<f64>() / n as f64) as f32;
+                samples.extend(values);
+            }
+            let count = samples.len() as f64;
+            let mean = samples.iter().sum::<f64>() / count;
+            let squares: f64 = samples.iter().map(|value| (value - mean) * (value - mean)).sum();
+            variance[index] = (squares / (count * (count - 1.0))) as f32;
+        }
+        Layer { mean: (&halves[0] + &halves[1]) * 0.5, variance: Some(variance), halves: Some(halves) }
+    }
+
+    fn average(image: &Image) -> f64 {
+        image.iter().map(|&value| f64::from(value)).sum::<f64>() / image.len() as f64
+    }
+
+    #[test]
+    fn two_halves_of_the_worked_example_differ_by_their_variance() {
+        // METHODS N.14.
+        let halves = [1.2, 0.8].map(|value| Image::from_elem((1, 1, 1), value));
+        assert!((half_buffer_variance(&halves)[[0, 0, 0]] - 0.04).abs() < 1e-7);
+    }
+
+    #[test]
+    fn the_half_buffer_variance_is_unbiased() {
+        // 10⁴ pixels; the mean of 8 + 8 uniform samples has the variance 1/12/16. A variance of one degree of freedom has
+        // a standard deviation of √2 of itself (a little less for these short tails), so that the mean of 10⁴ is good to
+        // 1.4 %; 4 standard deviations.
+        let layer = layer(8, false, 1);
+        let expected = 1.0 / 12.0 / 16.0;
+        let ratio = average(&half_buffer_variance(layer.halves.as_ref().unwrap())) / expected;
+        assert!((ratio - 1.0).abs() < 4.0 * 0.0142, "{ratio}");
+    }
+
+    #[test]
+    fn the_corrected_variance_is_that_of_the_mean() {
+        // Independent samples: 1/12 over their number. Stratified ones: each of n strata has (1/n)²/12, the mean of both
+        // halves 1/(12 n² · 2 n), which the film overestimates n² times. The bounds are as above; the box's clipped
+        // borders weigh a few pixels more, for which a fifth is added.
+        for (n, stratified) in [(8, false), (8, true), (2, true)] {
+            let mut layer = layer(n, stratified, 5);
+            let independent = 1.0 / 12.0 / (2.0 * n as f64);
+            let expected = if stratified { independent / (n * n) as f64 } else { independent };
+            let before = average(layer.variance.as_ref().unwrap());
+            assert!((before / independent - 1.0).abs() < 0.2, "{before}");
+            correct_variances(&mut layer);
+            let ratio = average(layer.variance.as_ref().unwrap()) / expected;
+            assert!((ratio - 1.0).abs() < 1.2 * 4.0 * 0.0142, "{n} {stratified}: {ratio}");
+        }
+    }
+
+    #[test]
+    fn the_correction_equals_its_formula() {
+        let mut layer = layer(3, false, 9);
+        let before = layer.variance.clone().unwrap();
+        let halves = half_buffer_variance(layer.halves.as_ref().unwrap());
+        correct_variances(&mut layer);
+        let after = layer.variance.unwrap();
+        for (y, x) in [(0, 0), (3, 99), (50, 50), (99, 7)] {
+            let mean = |image: &Image| {
+                let (rows, columns) = (crate::window::clipped(y, 10, 100), crate::window::clipped(x, 10, 100));
+                let count = (rows.len() * columns.len()) as f64;
+                let pixels = rows.flat_map(|y| columns.clone().map(move |x| (y, x)));
+                pixels.map(|(y, x)| f64::from(image[[0, y, x]])).sum::<f64>() / count
+            };
+            let expected = f64::from(before[[0, y, x]]) * mean(&halves) / mean(&before);
+            assert!((f64::from(after[[0, y, x]]) / expected - 1.0).abs() < 1e-5, "({x}, {y})");
+        }
+    }
+
+    #[test]
+    fn the_spatial_variance_is_that_of_nine_neighbours() {
+        let image = Image::from_shape_fn((1, 3, 3), |(_, y, x)| (y * 3 + x) as f32);
+        let variance = spatial_variance(&image);
+        // Nine consecutive integers: (9² − 1) / 12 · 9 / 8; the corner sees 0, 1, 3 and 4.
+        assert!((variance[[0, 1, 1]] - 7.5).abs() < 1e-6);
+        assert!((variance[[0, 0, 0]] - 10.0 / 3.0).abs() < 1e-6);
+        assert_eq!(spatial_variance(&Image::from_elem((1, 1, 1), 4.0))[[0, 0, 0]], 0.0);
+    }
+
+    #[test]
+    fn pixels_of_one_sample_get_the_spatial_variance() {
+        let mean = Image::from_shape_fn((3, 3, 3), |(_, y, x)| (y * 3 + x) as f32);
+        let layer = Layer { variance: Some(Image::from_elem(mean.dim(), 0.25)), mean, halves: None };
+        let mut samples = Image::from_elem((1, 3, 3), 4.0);
+        samples[[0, 1, 1]] = 1.0;
+        let mut layers = Layers { width: 3, height: 3, samples: Some(samples), ..Default::default() };
+        layers.layers.insert(LayerKind::Beauty, layer);
+        assert_eq!(complete(&mut layers), [LayerKind::Beauty]);
+        let variance = layers.layers[&LayerKind::Beauty].variance.as_ref().unwrap();
+        assert_eq!((variance[[0, 0, 0]], variance[[2, 1, 1]]), (0.25, 7.5));
+    }
+}

@@ -9,14 +9,16 @@
 //!
 //! (Kalantari, Bako and Sen 2015, equations 10 to 12; of the feature variances only the centre's counts).
 //!
-//! Eight neighbouring pixels are computed side by side. Row by row of the window, the distances of all offsets in the
-//! row are collected group by group, so that the values of the centres stay in registers, and then weighed.
+//! A block of neighbouring pixels in a row is computed side by side. Row by row of the window, the distances of all
+//! offsets in the row are collected group by group, a few offsets at a time so that what belongs to the centres is read
+//! once for all of them, and then weighed. The innermost loops run over the pixels of the block, whose number is fixed:
+//! this is the form that the compiler turns into vectors.
 
 use rayon::prelude::*;
 
 use super::features::Feature;
 use super::{Lambda, Parameters};
-use crate::lanes::{LANES, Lanes, exp_negative};
+use crate::exp::exp_negative;
 use crate::layers::Image;
 use crate::simd::{Kernel, vectorise};
 use crate::window::{fold, plane};
@@ -33,12 +35,23 @@ const FARTHEST: f32 = 24.0;
 
 /// Largest radius of the window; the array of distances of one row has room for it.
 pub(super) const LARGEST_RADIUS: usize = 27;
-const TAPS: usize = 2 * LARGEST_RADIUS + 1;
+
+/// Offsets that are computed together.
+const TOGETHER: usize = 4;
+
+/// Offsets in a row of the window, with some that weigh nothing to make them a multiple of [`TOGETHER`].
+const TAPS: usize = (2 * LARGEST_RADIUS + 1).next_multiple_of(TOGETHER);
+
+/// Pixels in a block. More waste work where the width of the picture is no multiple of it, less leave the vectors empty.
+const BLOCK: usize = 32;
+
+/// A number for each pixel of a block.
+type Row = [f32; BLOCK];
 
 /// What is filtered, in the layout of the kernel.
 ///
-/// The rows of all planes lie one after the other, padded on both sides so that a window and a group of eight pixels
-/// can be read without asking where the border is.
+/// The rows of all planes lie one after the other, padded on both sides so that the window of a block can be read without
+/// asking where the border is.
 #[derive(Debug)]
 pub(super) struct Stack {
     width: usize,
@@ -83,7 +96,7 @@ impl Stack {
             sources.extend((0..feature.mean.dim().0).map(|channel| (&feature.variance, channel)));
         }
 
-        let stride = 2 * LARGEST_RADIUS + width.next_multiple_of(LANES);
+        let stride = width.next_multiple_of(BLOCK) + TAPS;
         let planes = sources.len();
         let mut values = vec![0.0; height * planes * stride];
         values.par_chunks_mut(planes * stride).enumerate().for_each(|(y, rows)| {
@@ -106,16 +119,23 @@ impl Stack {
             vectorise(RowKernel { stack: self, parameters, y, out });
             done();
         });
+        self.image_of_rows(rows)
+    }
+
+    fn image_of_rows(&self, rows: Vec<f32>) -> Image {
         let mut image = Image::from_shape_vec((self.height, 3, self.width), rows).expect("three rows for each row");
         image.swap_axes(0, 1);
         image.as_standard_layout().into_owned()
     }
 
-    /// A row of a plane; its pixel 0 is at [`LARGEST_RADIUS`].
-    #[inline(always)]
-    fn row(&self, y: usize, plane: usize) -> &[f32] {
-        let start = (y * self.planes + plane) * self.stride;
-        &self.values[start..start + self.stride]
+    /// [`Stack::filter`] as a processor without wide vectors computes it.
+    #[cfg(test)]
+    pub(super) fn filter_portably(&self, parameters: &Parameters) -> Image {
+        let mut rows = vec![0.0; self.height * 3 * self.width];
+        rows.chunks_mut(3 * self.width).enumerate().for_each(|(y, out)| {
+            RowKernel { stack: self, parameters, y, out }.run();
+        });
+        self.image_of_rows(rows)
     }
 }
 
@@ -133,151 +153,257 @@ impl Kernel for RowKernel<'_> {
     #[inline(always)]
     fn run(self) {
         let Self { stack, parameters, y, out } = self;
-        for x in (0..stack.width).step_by(LANES) {
-            let colours = Block { stack, parameters, y, x }.filter();
-            for (channel, colour) in colours.into_iter().enumerate() {
-                let inside = LANES.min(stack.width - x);
-                for lane in 0..inside {
-                    let pixel = y * stack.width + x + lane;
-                    let (low, high) = (stack.bounds[channel][pixel], stack.bounds[channel + 3][pixel]);
-                    out[channel * stack.width + x + lane] = colour.0[lane].clamp(low, high);
+        for x in (0..stack.width).step_by(BLOCK) {
+            let colours = Block::new(stack, parameters, y, x).filter();
+            for (channel, colour) in colours.iter().enumerate() {
+                let pixels = x..(x + BLOCK).min(stack.width);
+                let bounds = |side: usize| &stack.bounds[3 * side + channel][y * stack.width..];
+                let (low, high) = (&bounds(0)[pixels.clone()], &bounds(1)[pixels.clone()]);
+                let out = &mut out[channel * stack.width..][pixels];
+                for (((out, colour), &low), &high) in out.iter_mut().zip(colour).zip(low).zip(high) {
+                    *out = colour.clamp(low, high);
                 }
             }
         }
     }
 }
 
-/// Eight pixels of a row, from column `x`.
+/// Some pixels of row `y`, from column `x`.
 struct Block<'a> {
     stack: &'a Stack,
-    parameters: &'a Parameters,
+    radius: usize,
     y: usize,
     x: usize,
+    colour_lambda: f32,
+    spatial_lambda: Row,
+    /// √(λ / max(1e-4, σ²)) for each channel of each group.
+    scales: [Row; MOST_CHANNELS],
+    /// Colour variance and its ε.
+    variance: [Row; 3],
+    /// 0 for each offset to the sides that lies in the picture, infinity outside.
+    border: [Row; TAPS],
 }
 
-impl Block<'_> {
-    #[inline(always)]
-    fn filter(&self) -> [Lanes; 3] {
-        let lambda_0 = self.lambda(0);
-        let smallest = lambda_0.0.iter().copied().fold(f32::INFINITY, f32::min);
-        let mut weight = Lanes::splat(0.0);
-        let mut colours = [Lanes::splat(0.0); 3];
-        let mut distances = [Lanes::splat(0.0); TAPS];
+/// Channels of all groups together.
+const MOST_CHANNELS: usize = 13;
 
-        let radius = self.parameters.window_radius;
-        let rows = crate::window::clipped(self.y, radius, self.stack.height);
-        for neighbour_y in rows {
+impl<'a> Block<'a> {
+    #[inline(always)]
+    fn new(stack: &'a Stack, parameters: &Parameters, y: usize, x: usize) -> Self {
+        let lambda = |index: usize| -> Row {
+            match &parameters.lambda {
+                Lambda::Constant(values) => [values[index]; BLOCK],
+                Lambda::PerPixel(image) => std::array::from_fn(|pixel| image[[index, y, (x + pixel).min(stack.width - 1)]]),
+            }
+        };
+        let inside = LARGEST_RADIUS..stack.width + LARGEST_RADIUS;
+        let mut block = Self {
+            stack,
+            radius: parameters.window_radius,
+            y,
+            x,
+            colour_lambda: parameters.colour,
+            spatial_lambda: lambda(0),
+            scales: [[0.0; BLOCK]; MOST_CHANNELS],
+            variance: [[0.0; BLOCK]; 3],
+            border: std::array::from_fn(|tap| {
+                std::array::from_fn(|pixel| if inside.contains(&(x + pixel + tap)) { 0.0 } else { f32::INFINITY })
+            }),
+        };
+        for (channel, variance) in block.variance.iter_mut().enumerate() {
+            *variance = stack.pixels(y, 3 + channel, x).map(|value| value + COLOUR_EPSILON);
+        }
+        let mut scales = block.scales.iter_mut();
+        for group in &stack.groups {
+            let lambda = lambda(group.lambda);
+            for (channel, scale) in (0..group.channels).zip(&mut scales) {
+                let variance = stack.pixels(y, group.variance_plane + channel, x);
+                *scale = std::array::from_fn(|pixel| (lambda[pixel] / variance[pixel].max(FEATURE_FLOOR)).sqrt());
+            }
+        }
+        block
+    }
+
+    #[inline(always)]
+    fn filter(&self) -> [Row; 3] {
+        let smallest = self.spatial_lambda.iter().copied().fold(f32::INFINITY, f32::min);
+        let mut total = Sums::default();
+        let mut distances = [[0.0; BLOCK]; TAPS];
+        for neighbour_y in crate::window::clipped(self.y, self.radius, self.stack.height) {
             let dy = neighbour_y.abs_diff(self.y);
-            let Some(reach) = reach(smallest, dy, radius) else { continue };
-            let distances = &mut distances[..2 * reach + 1];
-            self.spatial(distances, lambda_0, dy);
+            let Some(reach) = reach(smallest, dy, self.radius) else { continue };
+            let distances = &mut distances[..(2 * reach + 1).next_multiple_of(TOGETHER)];
+            self.spatial(distances, reach, dy);
+            let mut scales = &self.scales[..];
             for group in &self.stack.groups {
+                let (own, rest) = scales.split_at(group.channels);
                 if group.channels == 3 {
-                    self.add_group::<3>(distances, group, neighbour_y);
+                    self.add_group::<3>(distances, reach, neighbour_y, (group, own));
                 } else {
-                    self.add_group::<1>(distances, group, neighbour_y);
+                    self.add_group::<1>(distances, reach, neighbour_y, (group, own));
                 }
+                scales = rest;
             }
-            let (row_weight, row_colours) = self.weigh(distances, neighbour_y);
             // Sums of rows, then of the window: 55 + 55 roundings and not 3025.
-            weight = weight + row_weight;
-            for (colour, row) in colours.iter_mut().zip(row_colours) {
-                *colour = *colour + row;
-            }
+            total.add(&self.weigh(distances, reach, neighbour_y));
         }
-        colours.map(|colour| colour / weight)
+        total.colours.map(|colour| std::array::from_fn(|pixel| colour[pixel] / total.weight[pixel]))
     }
 
-    /// One of λ₀ to λ₅ for the eight pixels.
+    /// Starts the distances with the spatial term.
     #[inline(always)]
-    fn lambda(&self, index: usize) -> Lanes {
-        match &self.parameters.lambda {
-            Lambda::Constant(values) => Lanes::splat(values[index]),
-            Lambda::PerPixel(image) => {
-                let last = self.stack.width - 1;
-                Lanes(std::array::from_fn(|lane| image[[index, self.y, (self.x + lane).min(last)]]))
-            }
-        }
-    }
-
-    /// Starts the distances with the spatial term; offsets outside of the picture are infinitely far.
-    #[inline(always)]
-    fn spatial(&self, distances: &mut [Lanes], lambda_0: Lanes, dy: usize) {
-        let reach = distances.len() / 2;
-        let width = self.stack.width;
-        let inside = self.x >= reach && self.x + LANES + reach <= width;
+    fn spatial(&self, distances: &mut [Row], reach: usize, dy: usize) {
+        let border = &self.border[LARGEST_RADIUS - reach..];
         for (tap, distance) in distances.iter_mut().enumerate() {
             let dx = tap.abs_diff(reach);
-            *distance = lambda_0 * Lanes::splat((dx * dx + dy * dy) as f32);
-            if !inside {
-                for (lane, distance) in distance.0.iter_mut().enumerate() {
-                    let x = self.x + lane + tap;
-                    if x < reach || x >= width + reach {
-                        *distance = f32::INFINITY;
-                    }
-                }
+            // Offsets beyond the window are those that fill up to a multiple.
+            let squared = if dx > reach { f32::INFINITY } else { (dx * dx + dy * dy) as f32 };
+            let border = border.get(tap).unwrap_or(&[f32::INFINITY; BLOCK]);
+            for pixel in 0..BLOCK {
+                // 0 · ∞ must not arise.
+                distance[pixel] = if dx > reach { squared } else { self.spatial_lambda[pixel] * squared + border[pixel] };
             }
         }
     }
 
     /// Adds the distances of one feature group to the pixels of a row.
     #[inline(always)]
-    fn add_group<const CHANNELS: usize>(&self, distances: &mut [Lanes], group: &Group, neighbour_y: usize) {
-        let lambda = self.lambda(group.lambda);
-        let centre: [Lanes; CHANNELS] = std::array::from_fn(|channel| self.centre(group.mean_plane + channel));
-        let scale: [Lanes; CHANNELS] = std::array::from_fn(|channel| {
-            let variance = self.centre(group.variance_plane + channel).map(|value| value.max(FEATURE_FLOOR));
-            (lambda / variance).map(f32::sqrt)
-        });
-        let rows: [&[f32]; CHANNELS] =
-            std::array::from_fn(|channel| self.neighbours(distances.len(), neighbour_y, group.mean_plane + channel));
-        for (tap, distance) in distances.iter_mut().enumerate() {
-            for channel in 0..CHANNELS {
-                let difference = (Lanes::load(&rows[channel][tap..]) - centre[channel]) * scale[channel];
-                *distance = *distance + difference * difference;
-            }
+    fn add_group<const CHANNELS: usize>(
+        &self,
+        distances: &mut [Row],
+        reach: usize,
+        neighbour_y: usize,
+        (group, scales): (&Group, &[Row]),
+    ) {
+        let centre: [&Row; CHANNELS] =
+            std::array::from_fn(|channel| self.stack.pixels(self.y, group.mean_plane + channel, self.x));
+        let scales: [&Row; CHANNELS] = std::array::from_fn(|channel| &scales[channel]);
+        let neighbours: [&[f32]; CHANNELS] =
+            std::array::from_fn(|channel| self.neighbours(reach, neighbour_y, group.mean_plane + channel));
+        for (step, distances) in distances.as_chunks_mut::<TOGETHER>().0.iter_mut().enumerate() {
+            let window = neighbours.map(|row| first::<{ BLOCK + TOGETHER - 1 }>(&row[step * TOGETHER..]));
+            add_squares(distances, window, centre, scales);
         }
     }
 
     /// Adds the colour distance, and sums the weights and the weighted colours of a row.
     #[inline(always)]
-    fn weigh(&self, distances: &[Lanes], neighbour_y: usize) -> (Lanes, [Lanes; 3]) {
-        let lambda = Lanes::splat(self.parameters.colour);
-        let centre: [Lanes; 3] = std::array::from_fn(|channel| self.centre(channel));
-        let variance: [Lanes; 3] =
-            std::array::from_fn(|channel| self.centre(3 + channel) + Lanes::splat(COLOUR_EPSILON));
-        let rows: [&[f32]; 6] = std::array::from_fn(|plane| self.neighbours(distances.len(), neighbour_y, plane));
-        let mut weights = Lanes::splat(0.0);
-        let mut colours = [Lanes::splat(0.0); 3];
-        for (tap, &distance) in distances.iter().enumerate() {
-            let mut distance = distance;
-            let neighbour: [Lanes; 3] = std::array::from_fn(|channel| Lanes::load(&rows[channel][tap..]));
-            for channel in 0..3 {
-                let difference = neighbour[channel] - centre[channel];
-                let variance = Lanes::load(&rows[3 + channel][tap..]) + variance[channel];
-                // λ first: 0 · ∞ must not arise.
-                distance = distance + difference * (lambda * difference) / variance;
+    fn weigh(&self, distances: &[Row], reach: usize, neighbour_y: usize) -> Sums {
+        const PAIR: usize = 2;
+        let planes: [&[f32]; 6] = std::array::from_fn(|plane| self.neighbours(reach, neighbour_y, plane));
+        let centre = Colours {
+            mean: std::array::from_fn(|channel| self.stack.pixels(self.y, channel, self.x)),
+            variance: self.variance.each_ref(),
+        };
+        let mut sums = Sums::default();
+        for (step, distances) in distances.as_chunks::<PAIR>().0.iter().enumerate() {
+            let window = |plane: usize| first::<{ BLOCK + PAIR - 1 }>(&planes[plane][step * PAIR..]);
+            let neighbours =
+                Colours { mean: std::array::from_fn(window), variance: std::array::from_fn(|plane| window(3 + plane)) };
+            add_weights(&mut sums, distances, &neighbours, &centre, self.colour_lambda);
+        }
+        sums
+    }
+
+    /// The pixels of a row that the offsets reach.
+    #[inline(always)]
+    fn neighbours(&self, reach: usize, y: usize, plane: usize) -> &[f32] {
+        &self.stack.row(y, plane)[LARGEST_RADIUS + self.x - reach..]
+    }
+}
+
+impl Stack {
+    /// A row of a plane; its pixel 0 is at [`LARGEST_RADIUS`].
+    #[inline(always)]
+    fn row(&self, y: usize, plane: usize) -> &[f32] {
+        let start = (y * self.planes + plane) * self.stride;
+        &self.values[start..start + self.stride]
+    }
+
+    /// The block of pixels of a row from column `x`.
+    #[inline(always)]
+    fn pixels(&self, y: usize, plane: usize, x: usize) -> &Row {
+        first(&self.row(y, plane)[LARGEST_RADIUS + x..])
+    }
+}
+
+#[inline(always)]
+fn first<const N: usize>(values: &[f32]) -> &[f32; N] {
+    values.first_chunk().expect("the rows are padded")
+}
+
+/// Weights and weighted colours.
+struct Sums {
+    weight: Row,
+    colours: [Row; 3],
+}
+
+impl Default for Sums {
+    #[inline(always)]
+    fn default() -> Self {
+        Self { weight: [0.0; BLOCK], colours: [[0.0; BLOCK]; 3] }
+    }
+}
+
+impl Sums {
+    #[inline(always)]
+    fn add(&mut self, other: &Self) {
+        let add = |sum: &mut Row, other: &Row| sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
+        add(&mut self.weight, &other.weight);
+        self.colours.iter_mut().zip(&other.colours).for_each(|(sum, other)| add(sum, other));
+    }
+}
+
+/// Colours and variances of a block, or of the `N` pixels that some offsets of a block reach.
+struct Colours<'a, const N: usize> {
+    mean: [&'a [f32; N]; 3],
+    variance: [&'a [f32; N]; 3],
+}
+
+/// The squared differences of a group at a few offsets.
+#[inline(always)]
+fn add_squares<const CHANNELS: usize>(
+    distances: &mut [Row; TOGETHER],
+    neighbours: [&[f32; BLOCK + TOGETHER - 1]; CHANNELS],
+    centre: [&Row; CHANNELS],
+    scale: [&Row; CHANNELS],
+) {
+    for pixel in 0..BLOCK {
+        for tap in 0..TOGETHER {
+            let mut sum = distances[tap][pixel];
+            for channel in 0..CHANNELS {
+                let difference = (neighbours[channel][pixel + tap] - centre[channel][pixel]) * scale[channel][pixel];
+                sum += difference * difference;
             }
-            let weight = distance.map(exp_negative);
-            weights = weights + weight;
+            distances[tap][pixel] = sum;
+        }
+    }
+}
+
+/// The weights at two offsets, whose `distances` lack the colour.
+#[inline(always)]
+fn add_weights(
+    sums: &mut Sums,
+    distances: &[Row; 2],
+    neighbours: &Colours<'_, { BLOCK + 1 }>,
+    centre: &Colours<'_, BLOCK>,
+    lambda: f32,
+) {
+    for pixel in 0..BLOCK {
+        for tap in 0..2 {
+            let mut distance = distances[tap][pixel];
             for channel in 0..3 {
-                colours[channel] = colours[channel] + weight * neighbour[channel];
+                let difference = neighbours.mean[channel][pixel + tap] - centre.mean[channel][pixel];
+                let variance = neighbours.variance[channel][pixel + tap] + centre.variance[channel][pixel];
+                // λ first: 0 · ∞ must not arise.
+                distance += difference * (lambda * difference) / variance;
+            }
+            let weight = exp_negative(distance);
+            sums.weight[pixel] += weight;
+            for channel in 0..3 {
+                sums.colours[channel][pixel] += weight * neighbours.mean[channel][pixel + tap];
             }
         }
-        (weights, colours)
-    }
-
-    /// The eight pixels themselves.
-    #[inline(always)]
-    fn centre(&self, plane: usize) -> Lanes {
-        Lanes::load(&self.stack.row(self.y, plane)[LARGEST_RADIUS + self.x..])
-    }
-
-    /// The pixels of a row that `taps` offsets of eight pixels reach.
-    #[inline(always)]
-    fn neighbours(&self, taps: usize, y: usize, plane: usize) -> &[f32] {
-        let start = LARGEST_RADIUS + self.x - taps / 2;
-        &self.stack.row(y, plane)[start..start + taps + LANES - 1]
     }
 }
 

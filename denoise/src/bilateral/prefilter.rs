@@ -10,7 +10,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::features::Feature;
-use crate::lanes::exp_negative;
+use crate::exp::exp_negative;
 use crate::layers::Image;
 use crate::simd::{Kernel, vectorise};
 
@@ -89,7 +89,7 @@ impl Kernel for TileKernel<'_> {
             weight: vec![0.0; TILE * TILE],
             sums: vec![vec![0.0; TILE * TILE]; 2 * channels],
         };
-        let mut buffers = Buffers { distance: vec![0.0; SIDE * SIDE], rows: vec![0.0; SIDE * SIDE], line: [0.0; SIDE] };
+        let mut buffers = Buffers { distance: vec![0.0; SIDE * SIDE], rows: vec![0.0; SIDE * SIDE], columns: [0.0; SIDE] };
         let reach = WINDOW as isize;
         for dy in -reach..=reach {
             for dx in -reach..=reach {
@@ -135,7 +135,18 @@ fn shifted(offset: isize, length: usize) -> Range<usize> {
 struct Buffers {
     distance: Vec<f32>,
     rows: Vec<f32>,
-    line: [f32; SIDE],
+    /// What the columns of an area contribute to the size of a clipped window, inverse.
+    columns: [f32; SIDE],
+}
+
+/// Fills `inverse` with one over the number of valid indices within `radius` of each index of `part`.
+#[inline(always)]
+fn inverse_counts<'a>(inverse: &'a mut [f32], valid: &Range<usize>, part: &Range<usize>, radius: usize) -> &'a [f32] {
+    let inverse = &mut inverse[..part.len()];
+    for (index, inverse) in part.clone().zip(&mut *inverse) {
+        *inverse = 1.0 / overlap(valid, &(index..index + 1), radius).len() as f32;
+    }
+    inverse
 }
 
 impl TileKernel<'_> {
@@ -177,14 +188,11 @@ impl TileKernel<'_> {
         // Mean over the patch, then the weight; pixels without a partner weigh nothing.
         box_sum::<PATCH>(buffers);
         let area = valid.near(tile, SMOOTHING);
+        let columns = inverse_counts(&mut buffers.columns, &valid.columns, &area.columns, PATCH);
         for y in area.rows.clone() {
-            let counts = 1.0 / overlap(&valid.rows, &(y..y + 1), PATCH).len() as f32;
-            let line = &mut buffers.line[..area.columns.len()];
-            for (x, inverse) in area.columns.clone().zip(&mut *line) {
-                *inverse = counts / overlap(&valid.columns, &(x..x + 1), PATCH).len() as f32;
-            }
-            for (value, &inverse) in buffers.distance[local(y, &area.columns)].iter_mut().zip(&*line) {
-                *value = exp_negative(*value * inverse);
+            let row = 1.0 / overlap(&valid.rows, &(y..y + 1), PATCH).len() as f32;
+            for (value, column) in buffers.distance[local(y, &area.columns)].iter_mut().zip(columns) {
+                *value = exp_negative(*value * (row * column));
             }
         }
         keep(&mut buffers.distance, &area, self.corner);
@@ -192,22 +200,19 @@ impl TileKernel<'_> {
         // Mean of the weights, then the sums.
         box_sum::<SMOOTHING>(buffers);
         let area = valid.near(tile, 0);
+        let columns = inverse_counts(&mut buffers.columns, &valid.columns, &area.columns, SMOOTHING);
         for y in area.rows.clone() {
-            let counts = 1.0 / overlap(&valid.rows, &(y..y + 1), SMOOTHING).len() as f32;
-            let line = &mut buffers.line[..area.columns.len()];
-            for ((x, weight), &sum) in
-                area.columns.clone().zip(&mut *line).zip(&buffers.distance[local(y, &area.columns)])
-            {
-                *weight = sum * counts / overlap(&valid.columns, &(x..x + 1), SMOOTHING).len() as f32;
-            }
+            let row_count = 1.0 / overlap(&valid.rows, &(y..y + 1), SMOOTHING).len() as f32;
+            let weights = &mut buffers.distance[local(y, &area.columns)];
+            weights.iter_mut().zip(columns).for_each(|(weight, column)| *weight *= row_count * column);
             let start = (y - top) * TILE + area.columns.start - left;
             let at = start..start + area.columns.len();
-            tile.weight[at.clone()].iter_mut().zip(&*line).for_each(|(sum, weight)| *sum += weight);
+            tile.weight[at.clone()].iter_mut().zip(&*weights).for_each(|(sum, weight)| *sum += weight);
             for channel in 0..channels {
                 let there = partner(&row(channel, y, &area.columns));
                 for (source, sums) in [(mean, channel), (variance, channels + channel)] {
                     let sums = tile.sums[sums][at.clone()].iter_mut();
-                    for ((sum, weight), value) in sums.zip(&*line).zip(&source[there.clone()]) {
+                    for ((sum, weight), value) in sums.zip(&*weights).zip(&source[there.clone()]) {
                         *sum += weight * value;
                     }
                 }
