@@ -2,4 +2,5 @@
 
 mod emission;
 mod rays;
+mod sampling;
 mod support;
