@@ -74,7 +74,7 @@ pub enum Model {
         /// How much of the second.
         weight: Texture,
         /// The two.
-        models: Box<[Model; 2]>,
+        models: Box<[Self; 2]>,
     },
 }
 

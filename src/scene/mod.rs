@@ -1,16 +1,32 @@
 //! From a file to a [`Scene`] that can be rendered.
 
+mod build;
 pub mod camera;
+mod error;
 pub mod material;
 pub mod mesh_file;
+pub mod mtl;
 pub mod obj;
+mod obj_scene;
 pub mod ply;
+mod xml;
 
 pub use camera::{Camera, CameraError, FovAxis, Perspective};
+pub use error::{Location, SceneError};
 pub use material::{Material, MaterialId};
 
 use crate::emitter::{EmitterId, Emitters};
 use crate::geometry::Geometry;
+use std::path::{Path, PathBuf};
+
+/// What may be changed about a scene while it is loaded.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// Names and values that replace the `<default>`s of a scene file.
+    pub definitions: Vec<(String, String)>,
+    /// Width and height of the film, instead of the file's. The field of view keeps the axis that the file gives it for.
+    pub size: Option<(u32, u32)>,
+}
 
 /// What a part of the geometry is made of and whether it shines.
 #[derive(Clone, Copy, Debug)]
@@ -66,4 +82,22 @@ pub struct Scene {
     pub origin: glam::DVec3,
     /// What the reader should know: plugins without effect, triangles left out.
     pub warnings: Vec<String>,
+}
+
+impl Scene {
+    /// Loads a Mitsuba scene (`.xml`), the scene of a folder: its `scene.xml`, or an OBJ file with its materials (`.obj`).
+    ///
+    /// # Errors
+    /// Whatever is wrong with the scene, with its place in the file and what would be right.
+    pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, SceneError> {
+        let path = find_scene(path)?;
+        let is_obj =
+            path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
+        let read = if is_obj { obj_scene::load } else { xml::load };
+        read(&path, options).map(build::Description::build)
+    }
+}
+
+fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
+    Ok(if path.is_dir() { path.join("scene.xml") } else { path.to_path_buf() })
 }
