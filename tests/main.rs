@@ -3,4 +3,5 @@
 mod emission;
 mod rays;
 mod sampling;
+mod scene;
 mod support;

@@ -1,6 +1,5 @@
 //! A scene file as a graph of plugins with properties, before anyone asks what they mean.
 
-use super::value::Encoding;
 use crate::scene::error::{Location, SceneError};
 use glam::{DMat4, DVec3};
 use std::collections::HashMap;
@@ -197,9 +196,4 @@ pub(super) fn find_file(
         own.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| PathBuf::from("."));
     let expected = format!("a file in {}", folder.display());
     Err(SceneError::value(location, what, format!("\"{filename}\""), expected))
-}
-
-/// The encoding that a colour element's numbers have.
-pub(super) fn encoding_of(element: &str) -> Encoding {
-    if element == "srgb" { Encoding::Srgb } else { Encoding::Linear }
 }

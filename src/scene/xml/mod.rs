@@ -7,19 +7,20 @@
 //!
 //! Deliberately absent: participating media, spectra, motion, instances, hair.
 
+mod bsdfs;
 mod document;
+mod element;
+mod emitters;
 mod parameters;
 mod properties;
 mod read;
 mod sensor;
 mod shapes;
+mod source;
+mod textures;
 mod transform;
 mod upgrade;
 mod value;
-
-mod bsdfs;
-mod emitters;
-mod textures;
 
 use super::LoadOptions;
 use super::build::{Description, ShapeDescription};
