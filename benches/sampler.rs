@@ -1,9 +1,15 @@
-//! Time of the numbers of one path of five bounces: 2 + 2 for the camera, then 1 + 2 + 1 + 2 + 1 a bounce.
+//! Time of the numbers of one path of five bounces (2 + 2 for the camera, then 1 + 2 + 1 + 2 + 1 a bounce), and of one
+//! direction to an emitter.
 //!
 //! `cargo bench --bench sampler`
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use glam::{DMat3, Vec2, Vec3};
+use quietlight::emitter::{Emitter, Emitters, Environment, EnvironmentMap};
+use quietlight::geometry::{Mesh, Part};
+use quietlight::math::Rgb;
 use quietlight::sampler::{IndependentSampler, Sampler, SobolSampler};
+use quietlight::texture::Texture;
 use std::hint::black_box;
 
 const BOUNCES: u64 = 5;
@@ -36,5 +42,35 @@ fn samplers(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, samplers);
+fn emitters(criterion: &mut Criterion) {
+    let corners = [Vec3::Z, Vec3::Z + Vec3::Y, Vec3::Z + Vec3::X + Vec3::Y, Vec3::Z + Vec3::X];
+    let mesh = Mesh {
+        positions: corners.to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    };
+    let area = |part| Emitter::Area { part, radiance: Texture::Constant(Rgb::WHITE) };
+    let sphere = Part::Sphere { center: Vec3::Z * 3.0, radius: 1.0, flip_normals: false };
+    let texels =
+        (0..512 * 256u32).map(|i| Rgb::splat((i.wrapping_mul(0x9e37_79b9) >> 20) as f32)).collect();
+    let map = EnvironmentMap::new([512, 256], texels, 1.0, DMat3::IDENTITY).expect("the size fits");
+    let mut group = criterion.benchmark_group("emitter");
+    for (name, emitter) in [
+        ("rectangle", area(Part::Mesh(mesh))),
+        ("sphere", area(sphere)),
+        ("map of 512 × 256", Emitter::Environment(Environment::Map(map))),
+    ] {
+        let emitters = Emitters::new(vec![emitter], Vec3::ZERO, 10.0);
+        let mut sampler = IndependentSampler::new(1, 2, 3);
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| {
+                let u: Vec2 = sampler.next_2d();
+                emitters.sample(black_box(Vec3::ZERO), u.y, u)
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, samplers, emitters);
 criterion_main!(benches);

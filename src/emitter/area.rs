@@ -145,8 +145,8 @@ impl AreaEmitter {
         let distance = to_point.length();
         let direction = to_point / distance;
         let cosine = -point.normal.dot(direction);
-        // Also refuses a NaN direction, to the point itself.
-        if !(cosine > 0.0) {
+        // The direction to the point itself is NaN.
+        if cosine <= 0.0 || cosine.is_nan() {
             return None;
         }
         let pdf = to_solid_angle(self.pdf_area, distance, cosine);
@@ -165,7 +165,7 @@ impl AreaEmitter {
         let to_point = at.position - from;
         let distance = to_point.length();
         let cosine = -shining_normal(at).dot(to_point / distance);
-        if !(cosine > 0.0) || self.pdf_area == 0.0 {
+        if cosine <= 0.0 || cosine.is_nan() || self.pdf_area == 0.0 {
             return 0.0;
         }
         if let Shape::Sphere { center, radius, .. } = self.shape
@@ -267,7 +267,7 @@ impl Cone {
         let to_center = center - from;
         let distance = to_center.length();
         let sine = radius / distance;
-        if !(sine < 1.0) {
+        if sine >= 1.0 || sine.is_nan() {
             return None;
         }
         let cap = warp::one_minus_cosine(sine * sine);

@@ -306,6 +306,19 @@ mod tests {
                     );
                 }
                 assert_distributed(&counts, &probabilities);
+                // Numbers exactly on the edges of cells: none may fall into a cell without weight.
+                let edges = |sums: &[f32]| {
+                    sums.iter().copied().filter(|&sum| sum < 1.0).collect::<Vec<f32>>()
+                };
+                for (y, row) in edges(&grid.rows).into_iter().zip(0..) {
+                    for x in edges(grid.row(row)) {
+                        let cell = grid.sample(Vec2::new(x, y));
+                        assert!(
+                            cell.pmf > 0.0 && cell.position.is_finite(),
+                            "{weights:?} {x} {y}: {cell:?}"
+                        );
+                    }
+                }
                 let total: f32 = (0..weights.len()).map(|i| grid.pmf([i % width, i / width])).sum();
                 assert!((total - 1.0).abs() < 1e-5);
             }
