@@ -101,3 +101,34 @@ impl Scene {
 fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
     Ok(if path.is_dir() { path.join("scene.xml") } else { path.to_path_buf() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn our_own_scenes_load_without_warnings() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+        let mut count = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let Ok(files) = std::fs::read_dir(entry.unwrap().path()) else { continue };
+            for path in files.map(|file| file.unwrap().path()) {
+                // Parts of the XML scenes are OBJ files, too; scenes of their own come with materials.
+                let extension = path.extension().and_then(|extension| extension.to_str());
+                if extension == Some("xml")
+                    || path.with_extension("mtl").exists() && extension == Some("obj")
+                {
+                    let scene = Scene::load(&path, &LoadOptions::default()).unwrap();
+                    assert_eq!(scene.warnings, Vec::<String>::new(), "{}", path.display());
+                    assert!(
+                        !scene.surfaces.is_empty() && !scene.emitters.is_dark(),
+                        "{}",
+                        path.display()
+                    );
+                    count += 1;
+                }
+            }
+        }
+        assert_eq!(count, 9);
+    }
+}
