@@ -1,4 +1,5 @@
 //! Laws of the whole system.
 
 mod rays;
+mod scene;
 mod support;

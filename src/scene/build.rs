@@ -105,6 +105,17 @@ impl Description {
         let mut camera = self.camera;
         camera.to_world = DMat4::from_translation(-origin) * camera.to_world;
         let eye = camera.to_world.transform_point3(DVec3::ZERO).as_vec3();
+        let mut warnings = self.warnings;
+        let rejected = geometry.rejected();
+        for (count, what) in [
+            (rejected.out_of_range, "name vertices that do not exist"),
+            (rejected.non_finite, "have a coordinate that is no finite number"),
+            (rejected.without_area, "have no area"),
+        ] {
+            if count > 0 {
+                warnings.push(format!("{count} triangles or shapes {what}; left out"));
+            }
+        }
         let (center, radius) = bounding_sphere(geometry.bounds(), eye);
         Scene {
             geometry,
@@ -117,7 +128,7 @@ impl Description {
             limits: self.limits,
             samples: self.samples,
             origin,
-            warnings: self.warnings,
+            warnings,
         }
     }
 
@@ -130,7 +141,8 @@ impl Description {
         let (center, diagonal) = ((low + high) * 0.5, (high - low).length());
         if diagonal > 0.0 && diagonal.is_finite() {
             let step = (diagonal.log2().floor() - 3.0).exp2();
-            (center / step).round() * step
+            // Adding zero makes a zero of either sign a positive one.
+            (center / step).round() * step + DVec3::ZERO
         } else {
             center
         }

@@ -98,8 +98,37 @@ impl Scene {
     }
 }
 
+/// The scene file that a path means: itself, or what is in the folder: `scene.xml`, else the only `.obj`.
 fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
-    Ok(if path.is_dir() { path.join("scene.xml") } else { path.to_path_buf() })
+    let refuse = |problem: &str| SceneError::NoScene {
+        path: path.to_path_buf(),
+        problem: problem.to_owned(),
+    };
+    let has_extension = |path: &Path, wanted: &str| {
+        path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+    };
+    if !path.is_dir() {
+        let is_known = ["xml", "obj"].iter().any(|known| has_extension(path, known));
+        let problem = "not a scene: expected a .xml or .obj file, or a folder with one";
+        return if is_known { Ok(path.to_path_buf()) } else { Err(refuse(problem)) };
+    }
+    let xml = path.join("scene.xml");
+    if xml.is_file() {
+        return Ok(xml);
+    }
+    let read = |source| SceneError::Read { path: path.to_path_buf(), source };
+    let mut found = Vec::new();
+    for entry in path.read_dir().map_err(read)? {
+        let file = entry.map_err(read)?.path();
+        if has_extension(&file, "obj") {
+            found.push(file);
+        }
+    }
+    match found.len() {
+        1 => Ok(found.remove(0)),
+        0 => Err(refuse("neither a scene.xml nor a .obj file is in this folder")),
+        _ => Err(refuse("no scene.xml is in this folder, and more than one .obj file: name one")),
+    }
 }
 
 #[cfg(test)]

@@ -10,7 +10,10 @@ pub(super) struct Properties<'a> {
     pub(super) document: &'a Document,
     plugin: &'a Plugin,
     is_used: Vec<bool>,
+    /// Names asked for.
     known: Vec<&'static str>,
+    /// Kinds of nested plugins asked for.
+    kinds: Vec<&'static str>,
 }
 
 /// What stands where a texture may stand.
@@ -28,7 +31,13 @@ impl<'a> Properties<'a> {
     /// Nothing asked for yet.
     pub(super) fn new(document: &'a Document, id: PluginId) -> Self {
         let plugin = &document[id];
-        Self { document, plugin, is_used: vec![false; plugin.properties.len()], known: Vec::new() }
+        Self {
+            document,
+            plugin,
+            is_used: vec![false; plugin.properties.len()],
+            known: Vec::new(),
+            kinds: Vec::new(),
+        }
     }
 
     /// The plugin's type.
@@ -217,7 +226,8 @@ impl<'a> Properties<'a> {
     }
 
     /// The nested plugins of a kind, whatever their names.
-    pub(super) fn plugins(&mut self, kind: &str) -> Vec<PluginId> {
+    pub(super) fn plugins(&mut self, kind: &'static str) -> Vec<PluginId> {
+        self.kinds.push(kind);
         let mut found = Vec::new();
         for (property, is_used) in self.plugin.properties.iter().zip(&mut self.is_used) {
             if let Value::Plugin(id) = property.value
@@ -234,7 +244,7 @@ impl<'a> Properties<'a> {
     ///
     /// # Errors
     /// [`SceneError::Duplicate`] when there are more.
-    pub(super) fn plugin(&mut self, kind: &str) -> Result<Option<PluginId>, SceneError> {
+    pub(super) fn plugin(&mut self, kind: &'static str) -> Result<Option<PluginId>, SceneError> {
         match self.plugins(kind)[..] {
             [] => Ok(None),
             [id] => Ok(Some(id)),
@@ -268,29 +278,25 @@ impl<'a> Properties<'a> {
     }
 
     /// # Errors
-    /// [`SceneError::Unknown`] for a property that was never asked for.
+    /// [`SceneError::Unknown`] for a property or nested plugin that was never asked for.
     pub(super) fn finish(self) -> Result<(), SceneError> {
-        let unused =
-            self.plugin.properties.iter().zip(&self.is_used).find(|(_, is_used)| !**is_used);
-        let Some((property, _)) = unused else { return Ok(()) };
-        match property.value {
-            Value::Plugin(id)
-                if property.name.is_empty() || !self.known.contains(&property.name.as_str()) =>
-            {
-                let nested = &self.document[id];
-                let kind = format!("{} inside {}", nested.kind, self.title());
-                Err(SceneError::unknown(&property.location, kind, nested.name.as_str(), self.known))
+        let properties = self.plugin.properties.iter().zip(&self.is_used);
+        let Some((property, _)) = properties.clone().find(|(_, is_used)| !**is_used) else {
+            return Ok(());
+        };
+        let title = self.title();
+        let (kind, found, known) = match property.value {
+            Value::Plugin(id) if !is_texture(&self.document[id]) => {
+                (format!("element inside {title}"), self.document[id].kind.as_str(), self.kinds)
             }
-            _ => {
-                let kind = format!("property of {}", self.title());
-                Err(SceneError::unknown(
-                    &property.location,
-                    kind,
-                    property.name.as_str(),
-                    self.known,
-                ))
-            }
-        }
+            Value::Plugin(id) if property.name.is_empty() => (
+                format!("texture without a name inside {title}"),
+                self.document[id].name.as_str(),
+                self.known,
+            ),
+            _ => (format!("property of {title}"), property.name.as_str(), self.known),
+        };
+        Err(SceneError::unknown(&property.location, kind, found, known))
     }
 }
 

@@ -166,7 +166,7 @@ fn film(
     // A crop that only has an offset keeps what is left of the film.
     for (axis, whole) in [(0, width), (1, height)] {
         if !properties.has(crop_names[axis + 2]) {
-            crop[axis + 2] = whole - crop[axis];
+            crop[axis + 2] = whole.saturating_sub(crop[axis]);
         }
         if crop[axis] < 0 || crop[axis + 2] < 1 || crop[axis].saturating_add(crop[axis + 2]) > whole
         {

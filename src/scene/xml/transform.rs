@@ -47,9 +47,9 @@ impl Step {
     /// # Errors
     /// [`SceneError::Value`] when a number is none, there are too many or few, an axis has no length, or a matrix is no
     /// affine map.
-    pub(super) fn matrix(
+    pub(super) fn matrix<'a>(
         self,
-        attribute: impl Fn(&str) -> Option<String>,
+        attribute: impl Fn(&str) -> Option<&'a str>,
         location: &Location,
     ) -> Result<DMat4, SceneError> {
         let vector = |default| vector(&attribute, default, location);
@@ -58,7 +58,7 @@ impl Step {
             Self::Translate => Ok(DMat4::from_translation(vector(0.0)?)),
             Self::Scale => Ok(DMat4::from_scale(vector(1.0)?)),
             Self::Rotate => {
-                let angle = value::number(&text("angle"), "angle", location)?;
+                let angle = value::number(text("angle"), "angle", location)?;
                 let axis = vector(0.0)?;
                 let axis = axis.try_normalize().ok_or_else(|| {
                     SceneError::value(
@@ -71,13 +71,12 @@ impl Step {
                 Ok(DMat4::from_axis_angle(axis, angle.to_radians()))
             }
             Self::LookAt => {
-                let origin = value::triple(&text("origin"), "origin", location)?;
-                let target = value::triple(&text("target"), "target", location)?;
-                let up =
-                    attribute("up").map(|up| value::triple(&up, "up", location)).transpose()?;
+                let origin = value::triple(text("origin"), "origin", location)?;
+                let target = value::triple(text("target"), "target", location)?;
+                let up = attribute("up").map(|up| value::triple(up, "up", location)).transpose()?;
                 look_at(origin, target, up, location)
             }
-            Self::Matrix => matrix_from_rows(&text("value"), location),
+            Self::Matrix => matrix_from_rows(text("value"), location),
         }
     }
 }
@@ -86,8 +85,8 @@ impl Step {
 ///
 /// # Errors
 /// [`SceneError::Value`] for another count, or for what is no number.
-pub(super) fn vector(
-    attribute: &impl Fn(&str) -> Option<String>,
+pub(super) fn vector<'a>(
+    attribute: &impl Fn(&str) -> Option<&'a str>,
     default: f64,
     location: &Location,
 ) -> Result<DVec3, SceneError> {
@@ -101,7 +100,7 @@ pub(super) fn vector(
                 "one of them",
             ));
         }
-        return match value::numbers(&text, "value", location)?[..] {
+        return match value::numbers(text, "value", location)?[..] {
             [same] => Ok(DVec3::splat(same)),
             [x, y, z] => Ok(DVec3::new(x, y, z)),
             _ => Err(SceneError::value(
@@ -115,7 +114,7 @@ pub(super) fn vector(
     let mut vector = DVec3::splat(default);
     for (axis, (name, text)) in ["x", "y", "z"].into_iter().zip(components).enumerate() {
         if let Some(text) = text {
-            vector[axis] = value::number(&text, name, location)?;
+            vector[axis] = value::number(text, name, location)?;
         }
     }
     Ok(vector)
@@ -183,9 +182,8 @@ mod tests {
     }
 
     fn matrix(step: Step, attributes: &[(&str, &str)]) -> Result<DMat4, SceneError> {
-        let find = |name: &str| {
-            attributes.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).to_owned())
-        };
+        let find =
+            |name: &str| attributes.iter().find(|(known, _)| *known == name).map(|(_, text)| *text);
         step.matrix(find, &here())
     }
 
