@@ -5,6 +5,7 @@ pub mod camera;
 mod error;
 pub mod material;
 pub mod mesh_file;
+mod model;
 pub mod mtl;
 pub mod obj;
 mod obj_scene;
@@ -91,9 +92,7 @@ impl Scene {
     /// Whatever is wrong with the scene, with its place in the file and what would be right.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, SceneError> {
         let path = find_scene(path)?;
-        let is_obj =
-            path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
-        let read = if is_obj { obj_scene::load } else { xml::load };
+        let read = if has_extension(&path, "obj") { obj_scene::load } else { xml::load };
         read(&path, options).map(build::Description::build)
     }
 }
@@ -103,9 +102,6 @@ fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
     let refuse = |problem: &str| SceneError::NoScene {
         path: path.to_path_buf(),
         problem: problem.to_owned(),
-    };
-    let has_extension = |path: &Path, wanted: &str| {
-        path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
     };
     if !path.is_dir() {
         let is_known = ["xml", "obj"].iter().any(|known| has_extension(path, known));
@@ -131,6 +127,10 @@ fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
     }
 }
 
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -142,11 +142,9 @@ mod tests {
         for entry in std::fs::read_dir(folder).unwrap() {
             let Ok(files) = std::fs::read_dir(entry.unwrap().path()) else { continue };
             for path in files.map(|file| file.unwrap().path()) {
-                // Parts of the XML scenes are OBJ files, too; scenes of their own come with materials.
-                let extension = path.extension().and_then(|extension| extension.to_str());
-                if extension == Some("xml")
-                    || path.with_extension("mtl").exists() && extension == Some("obj")
-                {
+                // Parts of the XML scenes are OBJ files, too; those that are scenes come with materials.
+                let is_scene = has_extension(&path, "obj") && path.with_extension("mtl").exists();
+                if has_extension(&path, "xml") || is_scene {
                     let scene = Scene::load(&path, &LoadOptions::default()).unwrap();
                     assert_eq!(scene.warnings, Vec::<String>::new(), "{}", path.display());
                     assert!(
