@@ -268,6 +268,34 @@ fn analytic_shapes_stay_analytic_while_they_are_round() {
 }
 
 #[test]
+fn texture_coordinates_turn_with_spheres_and_cylinders() {
+    let pattern = "<bsdf type='diffuse'><texture name='reflectance' type='checkerboard'/></bsdf>";
+    let turn = "<transform name='to_world'><rotate y='1' angle='90'/></transform>";
+    let shape = |name: &str, inside: &str| {
+        load(&format!("<shape type='{name}'>{inside}</shape>")).expect("a scene")
+    };
+    for name in ["sphere", "cylinder"] {
+        assert!(!matches!(shape(name, turn).geometry.parts()[0], Part::Mesh(_)), "{name}");
+        assert!(
+            matches!(shape(name, &format!("{turn}{pattern}")).geometry.parts()[0], Part::Mesh(_)),
+            "{name}"
+        );
+    }
+    // The pole of v = 0, at +z of the object, is turned to +x; what was at +x is at -z. Looked at from +z, the middle of
+    // the sphere is what was at -x: half around.
+    let at = look(&shape("sphere", &format!("{turn}{pattern}")), CENTER).expect("a hit");
+    assert!((at.uv - Vec2::new(0.5, 0.5)).length() < 1e-3, "{}", at.uv);
+    let at = look(&shape("sphere", &format!("{turn}{pattern}")), [115.0, 50.0]).expect("a hit");
+    assert!(at.uv.y < 0.45, "{}", at.uv);
+    // And the analytic one agrees with the mesh where both serve.
+    let analytic = look(&shape("sphere", pattern), [110.0, 40.0]).expect("a hit").uv;
+    let stretched = "<transform name='to_world'><scale x='1.002'/></transform>";
+    let mesh =
+        look(&shape("sphere", &format!("{stretched}{pattern}")), [110.0, 40.0]).expect("a hit").uv;
+    assert!((analytic - mesh).length() < 3e-3, "{analytic} {mesh}");
+}
+
+#[test]
 fn a_cube_is_closed_and_faces_outward() {
     let Part::Mesh(mesh) =
         load("<shape type='cube'/>").expect("a scene").geometry.parts()[0].clone()

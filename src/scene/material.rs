@@ -3,176 +3,17 @@
 //! Scene files nest adapters around models (two-sided, masked, bumped, blended). Here they are flattened: a
 //! [`Material`] is one [`Model`] with at most one relief and one opacity, and only blends hold further models.
 
-use crate::bsdf::{Bsdf, Coat, Distribution, Glass, Metal, RoughCoat};
+pub use super::model::{Model, Roughness};
+
+use crate::bsdf::Bsdf;
 use crate::geometry::Interaction;
 use crate::math::{Frame, Rgb};
 use crate::texture::Texture;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 /// Index of a material in a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct MaterialId(pub u32);
-
-/// How light scatters, with a texture wherever a number may vary over the surface.
-#[derive(Clone, Debug)]
-pub enum Model {
-    /// Lets light through unchanged.
-    Null,
-    /// Lambert's law with this reflectance.
-    Diffuse(Texture),
-    /// A metal; smooth where the roughness is 0.
-    Conductor {
-        /// Real part of the refractive index.
-        eta: Rgb,
-        /// Imaginary part of the refractive index.
-        k: Rgb,
-        /// Factor of everything reflected.
-        tint: Texture,
-        /// Its surface; `None` is smooth.
-        roughness: Option<Roughness>,
-    },
-    /// A boundary between two transparent media.
-    Dielectric {
-        /// Refractive index below the surface over that above it.
-        eta: f32,
-        /// Factor of everything reflected.
-        reflectance: Texture,
-        /// Factor of everything refracted.
-        transmittance: Texture,
-        /// Its surface; `None` is smooth.
-        roughness: Option<Roughness>,
-    },
-    /// A sheet of a transparent medium without thickness.
-    ThinDielectric {
-        /// Refractive index of the sheet over that around it.
-        eta: f32,
-        /// Factor of everything reflected.
-        reflectance: Texture,
-        /// Factor of everything let through.
-        transmittance: Texture,
-    },
-    /// A diffuse base under a smooth clear coat.
-    Plastic {
-        /// Reflectance of the base.
-        diffuse: Texture,
-        /// Factor of what the coat reflects.
-        specular: Texture,
-        /// The coat.
-        coat: Coat,
-    },
-    /// A diffuse base under a rough clear coat.
-    RoughPlastic {
-        /// Reflectance of the base.
-        diffuse: Texture,
-        /// Factor of what the coat reflects.
-        specular: Texture,
-        /// The coat.
-        coat: Box<RoughCoat>,
-    },
-    /// Two models side by side: `1 − weight` parts of the first, `weight` parts of the second.
-    Blend {
-        /// How much of the second.
-        weight: Texture,
-        /// The two.
-        models: Box<[Self; 2]>,
-    },
-}
-
-/// A surface of microfacets.
-#[derive(Clone, Debug)]
-pub struct Roughness {
-    /// Distribution of the facets.
-    pub distribution: Distribution,
-    /// Roughness along tangent and bitangent.
-    pub alpha: Box<[Texture; 2]>,
-}
-
-impl Roughness {
-    /// The same roughness everywhere and along all directions.
-    pub fn isotropic(distribution: Distribution, alpha: impl Into<Texture>) -> Self {
-        let alpha = alpha.into();
-        Self { distribution, alpha: Box::new([alpha.clone(), alpha]) }
-    }
-
-    fn at(&self, uv: Vec2) -> Vec2 {
-        let [along, across] = self.alpha.as_ref();
-        Vec2::new(along.eval_scalar(uv), across.eval_scalar(uv))
-    }
-
-    /// Is a part of the surface smooth, as far as can be told without looking at every texel?
-    fn may_be_smooth(&self) -> bool {
-        use crate::bsdf::microfacet::SMOOTH;
-        let may_be =
-            |alpha: &Texture| alpha.constant().is_none_or(|value| value.luminance() < SMOOTH);
-        self.alpha.iter().all(may_be)
-    }
-
-    fn is_isotropic(&self) -> bool {
-        let [along, across] = self.alpha.as_ref().each_ref().map(Texture::constant);
-        along.is_some() && along == across
-    }
-}
-
-impl Model {
-    fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
-        match self {
-            Self::Null => Bsdf::Null,
-            Self::Diffuse(reflectance) => Bsdf::diffuse(reflectance.eval(uv)),
-            Self::Conductor { eta, k, tint, roughness } => {
-                let metal = Metal { eta: *eta, k: *k, tint: tint.eval(uv) };
-                match roughness {
-                    None => Bsdf::conductor(metal),
-                    Some(rough) => Bsdf::rough_conductor(metal, rough.distribution, rough.at(uv)),
-                }
-            }
-            Self::Dielectric { eta, reflectance, transmittance, roughness } => {
-                let glass = glass(*eta, reflectance, transmittance, uv);
-                match roughness {
-                    None => Bsdf::dielectric(glass),
-                    Some(rough) => Bsdf::rough_dielectric(glass, rough.distribution, rough.at(uv)),
-                }
-            }
-            Self::ThinDielectric { eta, reflectance, transmittance } => {
-                Bsdf::thin_dielectric(glass(*eta, reflectance, transmittance, uv))
-            }
-            Self::Plastic { diffuse, specular, coat } => {
-                Bsdf::plastic(diffuse.eval(uv), specular.eval(uv), *coat)
-            }
-            Self::RoughPlastic { diffuse, specular, coat } => {
-                Bsdf::rough_plastic(diffuse.eval(uv), specular.eval(uv), coat)
-            }
-            Self::Blend { weight, models } => {
-                let [first, second] = models.as_ref();
-                Bsdf::blend(weight.eval_scalar(uv), first.bsdf(uv), second.bsdf(uv))
-            }
-        }
-    }
-
-    /// Does every part of the model satisfy `test`? Blends are taken apart.
-    fn all(&self, test: &impl Fn(&Self) -> bool) -> bool {
-        match self {
-            Self::Blend { models, .. } => models.iter().all(|model| model.all(test)),
-            _ => test(self),
-        }
-    }
-
-    fn any(&self, test: &impl Fn(&Self) -> bool) -> bool {
-        !self.all(&|model| !test(model))
-    }
-
-    /// Does the model look the same however it is turned around the normal?
-    fn is_isotropic(&self) -> bool {
-        self.all(&|model| match model {
-            Self::Conductor { roughness: Some(roughness), .. }
-            | Self::Dielectric { roughness: Some(roughness), .. } => roughness.is_isotropic(),
-            _ => true,
-        })
-    }
-}
-
-fn glass(eta: f32, reflectance: &Texture, transmittance: &Texture, uv: Vec2) -> Glass {
-    Glass { eta, reflectance: reflectance.eval(uv), transmittance: transmittance.eval(uv) }
-}
 
 /// What tilts the shading normal.
 #[derive(Clone, Debug)]
@@ -333,17 +174,7 @@ impl Material {
     /// May a lobe be a perfect mirror, or let light through in one direction only? `true` also for textured roughness that
     /// may fall to zero.
     pub fn has_delta(&self) -> bool {
-        self.model.any(&|model| match model {
-            Model::Diffuse(_) | Model::Blend { .. } => false,
-            Model::Null | Model::ThinDielectric { .. } | Model::Plastic { .. } => true,
-            // The coat knows whether it is too smooth to be rough.
-            Model::RoughPlastic { coat, .. } => {
-                matches!(Bsdf::rough_plastic(Rgb::WHITE, Rgb::WHITE, coat), Bsdf::Plastic(_))
-            }
-            Model::Conductor { roughness, .. } | Model::Dielectric { roughness, .. } => {
-                roughness.as_ref().is_none_or(Roughness::may_be_smooth)
-            }
-        })
+        self.model.any(&Model::may_be_delta)
     }
 
     /// May light come through to the other side, refracted or not?
@@ -392,8 +223,9 @@ impl Relief {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bsdf::{Distribution, RoughCoat};
     use crate::texture::{Bitmap, Filter, Image, Wrap, load::Texels};
-    use glam::Affine2;
+    use glam::{Affine2, Vec2};
     use std::sync::Arc;
 
     fn at(uv: Vec2) -> Interaction {
@@ -483,6 +315,46 @@ mod tests {
         assert!((inward.frame(&at).normal - Vec3::new(0.0, 0.6, 0.8)).length() < 1e-6);
         let none = diffuse(0.5).normal_mapped(0.5.into()).unwrap();
         assert_eq!(none.frame(&at).normal, Vec3::Z);
+    }
+
+    #[test]
+    fn reliefs_agree_with_mitsuba() {
+        // Normals recovered from three values of a white diffuse surface in Mitsuba 3.9.1, to about four digits.
+        let n = Vec3::new(0.1, 0.2, 1.0).normalize();
+        let (dp_du, dp_dv) = (Vec3::new(2.0, 0.3, 0.1), Vec3::new(-0.2, 1.5, 0.2));
+        let at = Interaction {
+            normal: dp_du.cross(dp_dv).normalize(),
+            shading_normal: n,
+            dp_du,
+            dp_dv,
+            ..at(Vec2::new(0.3, 0.7))
+        };
+        let texels = vec![
+            [255, 0, 0],
+            [0, 255, 0],
+            [0, 0, 255],
+            [255, 255, 255],
+            [128, 128, 128],
+            [10, 20, 30],
+        ];
+        let texture = |width, height, texels| {
+            Texture::Bitmap(Bitmap {
+                image: Arc::new(Image::new(width, height, Texels::Rgb8(texels), true)),
+                wrap: Wrap::Repeat,
+                filter: Filter::Bilinear,
+                to_uv: Affine2::IDENTITY,
+            })
+        };
+        let bump = |scale| diffuse(1.0).bumped(texture(2, 3, texels.clone()), scale).unwrap();
+        let map = diffuse(1.0).normal_mapped(texture(1, 1, vec![[200, 100, 220]])).unwrap();
+        for (material, expected) in [
+            (bump(1.0), Vec3::new(0.058_85, -0.350_66, 0.934_25)),
+            (bump(0.4), Vec3::new(0.083_64, -0.046_78, 0.995_35)),
+            (map, Vec3::new(0.698_40, -0.002_03, 0.715_62)),
+        ] {
+            let normal = material.frame(&at).normal;
+            assert!((normal - expected).length() < 2e-3, "{normal} {expected}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@ pub mod camera;
 mod error;
 pub mod material;
 pub mod mesh_file;
+mod model;
 pub mod mtl;
 pub mod obj;
 mod obj_scene;
@@ -95,9 +96,7 @@ impl Scene {
     /// Whatever is wrong with the scene, with its place in the file and what would be right.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, SceneError> {
         let path = find_scene(path)?;
-        let is_obj =
-            path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
-        let read = if is_obj { obj_scene::load } else { xml::load };
+        let read = if has_extension(&path, "obj") { obj_scene::load } else { xml::load };
         read(&path, options).map(build::Description::build)
     }
 }
@@ -107,9 +106,6 @@ fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
     let refuse = |problem: &str| SceneError::NoScene {
         path: path.to_path_buf(),
         problem: problem.to_owned(),
-    };
-    let has_extension = |path: &Path, wanted: &str| {
-        path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
     };
     if !path.is_dir() {
         let is_known = ["xml", "obj"].iter().any(|known| has_extension(path, known));
@@ -132,5 +128,38 @@ fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
         1 => Ok(found.remove(0)),
         0 => Err(refuse("neither a scene.xml nor a .obj file is in this folder")),
         _ => Err(refuse("no scene.xml is in this folder, and more than one .obj file: name one")),
+    }
+}
+
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn our_own_scenes_load_without_warnings() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+        let mut count = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let Ok(files) = std::fs::read_dir(entry.unwrap().path()) else { continue };
+            for path in files.map(|file| file.unwrap().path()) {
+                // Parts of the XML scenes are OBJ files, too; those that are scenes come with materials.
+                let is_scene = has_extension(&path, "obj") && path.with_extension("mtl").exists();
+                if has_extension(&path, "xml") || is_scene {
+                    let scene = Scene::load(&path, &LoadOptions::default()).unwrap();
+                    assert_eq!(scene.warnings, Vec::<String>::new(), "{}", path.display());
+                    assert!(
+                        !scene.surfaces.is_empty() && !scene.emitters.is_dark(),
+                        "{}",
+                        path.display()
+                    );
+                    count += 1;
+                }
+            }
+        }
+        assert_eq!(count, 9);
     }
 }

@@ -5,6 +5,11 @@ use glam::{DMat4, DVec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+/// Most plugins in one plugin, each counted as often as it is met: forty blends of a blend with itself would be 2⁴⁰.
+const MAX_NESTED: usize = 10_000;
+/// Longest chain of plugins in each other.
+const MAX_NESTING: usize = 64;
+
 /// Index of a plugin in a [`Document`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct PluginId(pub(super) u32);
@@ -97,7 +102,8 @@ impl Document {
     /// Replaces every reference by the plugin it means.
     ///
     /// # Errors
-    /// [`SceneError::Unknown`] for an id that nothing has, [`SceneError::Cycle`] for a plugin that contains itself.
+    /// [`SceneError::Unknown`] for an id that nothing has, [`SceneError::Cycle`] for a plugin that contains itself,
+    /// [`SceneError::Limit`] where nesting goes too far.
     pub(super) fn resolve(&mut self, ids: &HashMap<String, PluginId>) -> Result<(), SceneError> {
         for plugin in &mut self.plugins {
             for property in &mut plugin.properties {
@@ -109,12 +115,22 @@ impl Document {
                 }
             }
         }
-        self.check_acyclic()
+        self.check_nesting()
     }
 
-    /// Walks from every plugin along its nested ones. Iterative: references may chain deeper than a call stack.
-    fn check_acyclic(&self) -> Result<(), SceneError> {
-        let mut is_done = vec![false; self.plugins.len()];
+    /// Is there an image or a pattern in this plugin, or in one nested in it?
+    pub(super) fn is_textured(&self, id: PluginId) -> bool {
+        let Plugin { kind, name, .. } = &self[id];
+        let is_pattern = kind == "texture" && (name == "bitmap" || name == "checkerboard");
+        is_pattern || self.nested(id).any(|nested| self.is_textured(nested))
+    }
+
+    /// Walks from every plugin along its nested ones: is there a circle, and how much is nested in each? Iterative, for
+    /// references may chain deeper than a call stack; later walks then recur safely.
+    fn check_nesting(&self) -> Result<(), SceneError> {
+        // Nested plugins counted as often as they are met, and how deep they go; 0 while not known.
+        let mut sizes = vec![0usize; self.plugins.len()];
+        let mut depths = vec![0usize; self.plugins.len()];
         let mut is_open = vec![false; self.plugins.len()];
         for start in 0..self.plugins.len() {
             // Each entry is a plugin on the way and how many of its properties were looked at.
@@ -122,7 +138,7 @@ impl Document {
             while let Some((plugin, next)) = way.last_mut() {
                 let (here, position) = (*plugin, *next);
                 *next += 1;
-                if is_done[here] {
+                if sizes[here] > 0 {
                     way.pop();
                     continue;
                 }
@@ -130,26 +146,16 @@ impl Document {
                 match self.plugins[here].properties.get(position) {
                     None => {
                         is_open[here] = false;
-                        is_done[here] = true;
                         way.pop();
+                        let nested = || self.nested(PluginId(here as u32)).map(|id| id.0 as usize);
+                        sizes[here] = nested().fold(1, |sum, id| sum.saturating_add(sizes[id]));
+                        depths[here] = 1 + nested().map(|id| depths[id]).max().unwrap_or(0);
+                        self.check_limits(here, sizes[here], depths[here])?;
                     }
                     Some(Property { value: Value::Plugin(child), location, .. }) => {
                         let child = child.0 as usize;
                         if is_open[child] {
-                            let first =
-                                way.iter().position(|(plugin, _)| *plugin == child).unwrap_or(0);
-                            let names =
-                                way[first..].iter().map(|(plugin, _)| *plugin).chain([child]);
-                            let chain: Vec<&str> =
-                                names.map(|id| self.plugins[id].name.as_str()).collect();
-                            return Err(SceneError::Cycle {
-                                location: location.clone(),
-                                what: format!(
-                                    "{} \"{}\"",
-                                    self.plugins[child].kind, self.plugins[child].name
-                                ),
-                                chain: chain.join(" → "),
-                            });
+                            return Err(self.cycle(&way, child, location));
                         }
                         way.push((child, 0));
                     }
@@ -158,6 +164,37 @@ impl Document {
             }
         }
         Ok(())
+    }
+
+    /// The plugins nested in one, once for each time.
+    pub(super) fn nested(&self, id: PluginId) -> impl Iterator<Item = PluginId> {
+        self[id].properties.iter().filter_map(|property| match property.value {
+            Value::Plugin(nested) => Some(nested),
+            _ => None,
+        })
+    }
+
+    /// The scene itself may hold as much as it likes.
+    fn check_limits(&self, plugin: usize, size: usize, depth: usize) -> Result<(), SceneError> {
+        for (count, limit, what) in [
+            (size, MAX_NESTED, "too many plugins are nested in each other"),
+            (depth, MAX_NESTING, "plugins are nested too deep"),
+        ] {
+            if count > limit && plugin != 0 {
+                let (location, what) = (self.plugins[plugin].location.clone(), what.to_owned());
+                return Err(SceneError::Limit { location, what, limit: limit as u64 });
+            }
+        }
+        Ok(())
+    }
+
+    fn cycle(&self, way: &[(usize, usize)], back_to: usize, location: &Location) -> SceneError {
+        let first = way.iter().position(|(plugin, _)| *plugin == back_to).unwrap_or(0);
+        let names = way[first..].iter().map(|(plugin, _)| *plugin).chain([back_to]);
+        let chain: Vec<&str> = names.map(|id| self.plugins[id].name.as_str()).collect();
+        let Plugin { kind, name, .. } = &self.plugins[back_to];
+        let (location, what) = (location.clone(), format!("{kind} \"{name}\""));
+        SceneError::Cycle { location, what, chain: chain.join(" → ") }
     }
 
     /// The file that a plugin names: in the folder of the file that names it, or in one of [`Document::directories`].

@@ -28,7 +28,7 @@ use super::error::{Location, SceneError};
 use super::material::{Material, MaterialId, Model};
 use crate::math::Rgb;
 use crate::texture::ImageCache;
-use document::{Document, PluginId, Value};
+use document::{Document, PluginId};
 use properties::Properties;
 use std::collections::HashMap;
 use std::path::Path;
@@ -124,12 +124,15 @@ impl<'a> SurfaceReader<'a> {
 
     fn shape(&mut self, id: PluginId) -> Result<ShapeDescription, SceneError> {
         let mut properties = Properties::new(self.document, id);
-        let shape = shapes::shape(&mut properties, &mut self.warnings)?;
-        let radiance = match properties.plugin("emitter")? {
+        let (bsdf, emitter) = (properties.plugin("bsdf")?, properties.plugin("emitter")?);
+        let is_textured =
+            [bsdf, emitter].into_iter().flatten().any(|id| self.document.is_textured(id));
+        let shape = shapes::shape(&mut properties, is_textured, &mut self.warnings)?;
+        let radiance = match emitter {
             Some(emitter) => Some(emitters::area(self.document, emitter, &mut self.images)?),
             None => None,
         };
-        let material = match properties.plugin("bsdf")? {
+        let material = match bsdf {
             Some(bsdf) => self.material(bsdf)?,
             None => self.default_material(radiance.is_some()),
         };
@@ -167,18 +170,12 @@ impl<'a> SurfaceReader<'a> {
 /// A warning when there are definitions that nothing refers to: they were not looked at, so they may be wrong.
 fn unused_definitions(document: &Document) -> Option<String> {
     let is_definition = |id: PluginId| DEFINITIONS.contains(&document[id].kind.as_str());
-    let nested = |id: PluginId| {
-        document[id].properties.iter().filter_map(|property| match property.value {
-            Value::Plugin(nested) => Some(nested),
-            _ => None,
-        })
-    };
     let (definitions, mut open): (Vec<_>, Vec<_>) =
-        nested(document.root()).partition(|id| is_definition(*id));
+        document.nested(document.root()).partition(|id| is_definition(*id));
     let mut is_used = vec![false; document.plugins.len()];
     while let Some(id) = open.pop() {
         if !std::mem::replace(&mut is_used[id.0 as usize], true) {
-            open.extend(nested(id));
+            open.extend(document.nested(id));
         }
     }
     let unused: Vec<_> = definitions.into_iter().filter(|id| !is_used[id.0 as usize]).collect();

@@ -14,10 +14,14 @@ const KNOWN: [&str; 7] = ["cube", "cylinder", "disk", "obj", "ply", "rectangle",
 
 /// Reads the shape itself: everything but its `bsdf` and `emitter`.
 ///
+/// Spheres and cylinders become fine meshes where the transform leaves no sphere or circular cylinder, and where a
+/// texture lies on one that is turned: analytic shapes have their texture coordinates along the axes of the world.
+///
 /// # Errors
 /// An unknown plugin, a property that does not fit, or a mesh file that cannot be read.
 pub(super) fn shape(
     properties: &mut Properties<'_>,
+    is_textured: bool,
     warnings: &mut Vec<String>,
 ) -> Result<Shape, SceneError> {
     let to_world = properties.transform("to_world")?;
@@ -35,8 +39,8 @@ pub(super) fn shape(
             // Mitsuba's normal is that of the object, which a mirror turns against the cross product of the axes.
             Ok(Shape::Disk { center, axes, flip_normals: flip_normals != is_mirror(&to_world) })
         }
-        "sphere" => sphere(properties, to_world, flip_normals),
-        "cylinder" => cylinder(properties, to_world, flip_normals),
+        "sphere" => sphere(properties, to_world, flip_normals, is_textured),
+        "cylinder" => cylinder(properties, to_world, flip_normals, is_textured),
         _ => Err(properties.unknown_plugin(&KNOWN)),
     }
 }
@@ -116,17 +120,20 @@ fn append(mesh: &mut RawMesh, part: RawMesh) {
         .extend(part.triangles.into_iter().map(|triangle| triangle.map(|index| first + index)));
 }
 
-/// A sphere by `center` and `radius`, by `to_world`, or both; under a transform that is not uniform, a fine mesh.
+/// A sphere by `center` and `radius`, by `to_world`, or both.
 fn sphere(
     properties: &mut Properties<'_>,
     to_world: DMat4,
     flip_normals: bool,
+    is_textured: bool,
 ) -> Result<Shape, SceneError> {
     let center = properties.vector("center")?.unwrap_or(DVec3::ZERO);
     let radius = radius(properties)?;
     let to_world =
         to_world * DMat4::from_translation(center) * DMat4::from_scale(DVec3::splat(radius));
-    if let Some((_, radius)) = rotation_and_scale(DMat3::from_mat4(to_world)) {
+    if let Some((turn, radius)) = rotation_and_scale(DMat3::from_mat4(to_world))
+        && (!is_textured || turn.abs_diff_eq(DMat3::IDENTITY, 1e-6))
+    {
         return Ok(Shape::Sphere {
             center: to_world.transform_point3(DVec3::ZERO),
             radius,
@@ -142,11 +149,12 @@ fn sphere(
     Ok(built_in(mesh, to_world, flip_normals))
 }
 
-/// The open cylinder from `p0` to `p1`; where the transform makes it elliptic or oblique, a fine mesh.
+/// The open cylinder from `p0` to `p1`; a mesh wherever it is textured.
 fn cylinder(
     properties: &mut Properties<'_>,
     to_world: DMat4,
     flip_normals: bool,
+    is_textured: bool,
 ) -> Result<Shape, SceneError> {
     let start = properties.vector("p0")?.unwrap_or(DVec3::ZERO);
     let end = properties.vector("p1")?.unwrap_or(DVec3::Z);
@@ -154,11 +162,13 @@ fn cylinder(
     let Some(axis) = (end - start).try_normalize() else {
         return Err(properties.wrong("p1", end.to_string(), "another point than p0"));
     };
+    // Mitsuba starts the texture at the first of the same two vectors (Duff et al. 2017).
     let (s, t) = axis.any_orthonormal_pair();
     let [across, along] = [s, t].map(|axis| to_world.transform_vector3(axis * radius));
     // The length may be stretched as it likes.
     let direction = to_world.transform_vector3(axis).normalize() * across.length();
-    if rotation_and_scale(DMat3::from_cols(across, along, direction)).is_some() {
+    let is_round = rotation_and_scale(DMat3::from_cols(across, along, direction)).is_some();
+    if is_round && !is_textured {
         return Ok(Shape::Cylinder {
             start: to_world.transform_point3(start),
             end: to_world.transform_point3(end),

@@ -127,6 +127,22 @@ fn a_plugin_in_itself_is_refused() {
 }
 
 #[test]
+fn references_that_multiply_or_chain_without_end_are_refused() {
+    let blend = |i: usize| {
+        format!("<bsdf type='blendbsdf' id='b{}'><ref id='b{i}'/><ref id='b{i}'/></bsdf>", i + 1)
+    };
+    let doubling: String = (0..40).map(blend).collect();
+    let error = read_text(&format!("<bsdf type='diffuse' id='b0'/>{doubling}")).unwrap_err();
+    assert!(matches!(error, SceneError::Limit { limit: 10_000, .. }), "{error}");
+    let mask = |i: usize| format!("<bsdf type='mask' id='b{}'><ref id='b{i}'/></bsdf>", i + 1);
+    let chain: String = (0..200_000).map(mask).collect();
+    let error = read_text(&format!("{chain}<bsdf type='diffuse' id='b0'/>")).unwrap_err();
+    assert!(matches!(error, SceneError::Limit { limit: 64, .. }), "{error}");
+    // A scene may hold as many plugins as it likes.
+    assert!(read_text(&"<shape type='cube'/>".repeat(20_000)).is_ok());
+}
+
+#[test]
 fn includes_are_found_beside_the_file_that_names_them() {
     let files = [
         (
