@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(name(Perspective { fov: f64::NAN, ..Perspective::default() }), "fov");
         assert_eq!(name(Perspective { film: [0, 1], ..Perspective::default() }), "width");
         assert_eq!(name(Perspective { near_clip: -1.0, ..Perspective::default() }), "near_clip");
-        assert_eq!(name(Perspective { far_clip: 0.1, ..Perspective::default() }), "far_clip");
+        assert_eq!(name(Perspective { far_clip: 0.001, ..Perspective::default() }), "far_clip");
         assert_eq!(
             name(Perspective {
                 aperture_radius: 1.0,
