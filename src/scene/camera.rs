@@ -89,8 +89,8 @@ impl Camera {
         }
     }
 
-    /// Where light that arrives along `-direction` at the point `lens` of the aperture (see [`Camera::lens_point`]) meets
-    /// the film; `None` outside. The inverse of [`Camera::ray`]; `direction` need not be a unit vector.
+    /// Where light that arrives along `-direction` at the point `lens` of the aperture (see [`Camera::lens_point`])
+    /// meets the film; `None` outside. The inverse of [`Camera::ray`]; `direction` need not be a unit vector.
     pub fn raster_of(&self, direction: Vec3, lens: Vec2) -> Option<Vec2> {
         let local = self.to_camera(direction.as_dvec3());
         let film = match self.lens {

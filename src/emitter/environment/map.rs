@@ -39,8 +39,8 @@ pub enum EnvironmentError {
 ///
 /// Directions are sampled by cells, a cell being the place between four texels. Its weight is the mean luminance of the
 /// four times the solid angle, so it is positive wherever the interpolated radiance is. Within the cell the density is
-/// bilinear too, but over equal solid angles instead of equal polar angles, and therefore needs no division by a sine that
-/// is 0 at the poles.
+/// bilinear too, but over equal solid angles instead of equal polar angles, and therefore needs no division by a sine
+/// that is 0 at the poles.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
     width: usize,
@@ -62,8 +62,8 @@ pub struct EnvironmentMap {
 struct Row {
     /// 1 in the upper half of the image, -1 in the lower: which pole `heights` count from.
     pole: f32,
-    /// Distance of the upper and the lower edge from the pole along the `y` axis, `1 - |cos|`. Small near the pole, where
-    /// the cosine itself would have lost its digits.
+    /// Distance of the upper and the lower edge from the pole along the `y` axis, `1 - |cos|`. Small near the pole,
+    /// where the cosine itself would have lost its digits.
     heights: [f32; 2],
     /// One over the solid angle of one of its cells.
     per_solid_angle: f32,
@@ -87,13 +87,13 @@ const MAX_RADIANCE: f32 = 1e30;
 /// times the mean the rest of the sky would be left to chance that 24-bit random numbers cannot express.
 const EVEN_SHARE: f64 = 0.01;
 
-/// Share of a cell's density that does not depend on the place in it. Where bilinear radiance is 0 in a corner at a pole,
-/// it grows faster from there than a density over equal solid angles; this bounds a sample's weight.
+/// Share of a cell's density that does not depend on the place in it. Where bilinear radiance is 0 in a corner at a
+/// pole, it grows faster from there than a density over equal solid angles; this bounds a sample's weight.
 const FLAT_SHARE: f32 = 0.05;
 
 impl EnvironmentMap {
-    /// The map with the given texels, row by row from the top, each multiplied by `scale`; `to_world` turns its axes into
-    /// those of the world. Texels that are NaN or negative become 0, those above 1e30 become that, and both are
+    /// The map with the given texels, row by row from the top, each multiplied by `scale`; `to_world` turns its axes
+    /// into those of the world. Texels that are NaN or negative become 0, those above 1e30 become that, and both are
     /// [counted](Self::invalid_texels).
     ///
     /// # Errors
