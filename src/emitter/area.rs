@@ -361,7 +361,8 @@ fn triangle(
 }
 
 /// The unit geometric normal on the side that shines: that of the shading normal, which is the other one where a mesh
-/// has vertex normals against its winding. As in Mitsuba 3, apart from triangles whose normals lean over by more than a right angle.
+/// has vertex normals against its winding. As in Mitsuba 3, apart from triangles whose normals lean over by more than a
+/// right angle.
 #[inline]
 pub(super) fn shining_normal(at: &Interaction) -> Vec3 {
     if at.normal.dot(at.shading_normal) < 0.0 { -at.normal } else { at.normal }

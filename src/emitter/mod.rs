@@ -4,8 +4,8 @@
 //! it; [`Emitters::pdf`] and [`Emitters::environment_pdf`] are the density of just that, for directions found in another
 //! way. Densities are per steradian. An emitter that is black or has no area is never chosen, and its density is 0.
 //!
-//! Area emitters shine from one side only, that of their shading normal (the normals of a mesh's vertices, where it has any, as
-//! in Mitsuba 3): behind it both the radiance and the density are 0.
+//! Area emitters shine from one side only, that of their shading normal (the normals of a mesh's vertices, where it has
+//! any, as in Mitsuba 3): behind it both the radiance and the density are 0.
 
 mod area;
 mod environment;
@@ -124,7 +124,8 @@ impl Emitters {
         Self { selection: AliasTable::new(&selection_weights(&powers)), sources, environment }
     }
 
-    /// Chooses an emitter by `selection` and a direction to it from `from` by `u`; `None` when there is no light that way.
+    /// Chooses an emitter by `selection` and a direction to it from `from` by `u`; `None` when there is no light that
+    /// way.
     #[inline]
     pub fn sample(&self, from: Vec3, selection: f32, u: Vec2) -> Option<EmitterSample> {
         let choice = self.selection.as_ref()?.sample(selection);

@@ -13,8 +13,8 @@
 use super::{Sampler, hash, unit_interval};
 use glam::Vec2;
 
-/// Pairs computed together. Four fill the 128-bit vectors that every 64-bit x86 and ARM processor has; a bounce of a path tracer
-/// takes five to seven numbers, so that few of the eight are computed in vain.
+/// Pairs computed together. Four fill the 128-bit vectors that every 64-bit x86 and ARM processor has; a bounce of a
+/// path tracer takes five to seven numbers, so that few of the eight are computed in vain.
 const LANES: usize = 4;
 
 /// Owen-scrambled Sobol' points; see the [module](self). Up to 2³² samples a pixel and 2³² numbers a sample.
