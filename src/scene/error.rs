@@ -1,6 +1,8 @@
 //! What can be wrong with a scene, said so that its author can mend it.
 
 use super::material::NestingError;
+use super::mesh_file::MeshError;
+use super::mtl::MaterialError;
 use std::error::Error;
 use std::fmt;
 use std::io;
@@ -52,6 +54,12 @@ pub enum SceneError {
         /// What it says.
         message: String,
     },
+    /// A mesh file, or a material library, that is itself the scene cannot be loaded.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// A material of such a library cannot be made.
+    #[error(transparent)]
+    Material(#[from] MaterialError),
     /// A name that means nothing here: an element, a plugin, a property, a reference, a `$parameter`.
     #[error(
         "{location}: unknown {kind} \"{found}\"{}; known: {}",

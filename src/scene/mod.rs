@@ -5,7 +5,9 @@ pub mod camera;
 mod error;
 pub mod material;
 pub mod mesh_file;
+pub mod mtl;
 pub mod obj;
+mod obj_scene;
 pub mod ply;
 mod xml;
 
@@ -83,13 +85,16 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Loads a Mitsuba scene (`.xml`), or the scene of a folder: its `scene.xml`.
+    /// Loads a Mitsuba scene (`.xml`), the scene of a folder: its `scene.xml`, or an OBJ file with its materials (`.obj`).
     ///
     /// # Errors
     /// Whatever is wrong with the scene, with its place in the file and what would be right.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, SceneError> {
         let path = find_scene(path)?;
-        xml::load(&path, options).map(build::Description::build)
+        let is_obj =
+            path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
+        let read = if is_obj { obj_scene::load } else { xml::load };
+        read(&path, options).map(build::Description::build)
     }
 }
 
@@ -123,5 +128,36 @@ fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
         1 => Ok(found.remove(0)),
         0 => Err(refuse("neither a scene.xml nor a .obj file is in this folder")),
         _ => Err(refuse("no scene.xml is in this folder, and more than one .obj file: name one")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn our_own_scenes_load_without_warnings() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+        let mut count = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let Ok(files) = std::fs::read_dir(entry.unwrap().path()) else { continue };
+            for path in files.map(|file| file.unwrap().path()) {
+                // Parts of the XML scenes are OBJ files, too; scenes of their own come with materials.
+                let extension = path.extension().and_then(|extension| extension.to_str());
+                if extension == Some("xml")
+                    || path.with_extension("mtl").exists() && extension == Some("obj")
+                {
+                    let scene = Scene::load(&path, &LoadOptions::default()).unwrap();
+                    assert_eq!(scene.warnings, Vec::<String>::new(), "{}", path.display());
+                    assert!(
+                        !scene.surfaces.is_empty() && !scene.emitters.is_dark(),
+                        "{}",
+                        path.display()
+                    );
+                    count += 1;
+                }
+            }
+        }
+        assert_eq!(count, 9);
     }
 }

@@ -169,9 +169,9 @@ impl Regular {
                     }
                 }
                 Some("o" | "g" | "usemtl" | "mtllib") if !keep_names => {}
-                Some("o" | "g" | "usemtl" | "mtllib") => {
-                    regular.text.push_str(line.trim());
-                    regular.text.push('\n');
+                Some(word @ ("o" | "g" | "usemtl" | "mtllib")) => {
+                    let name = line.trim()[word.len()..].trim();
+                    writeln!(regular.text, "{word} {name}").expect("writing to a String succeeds");
                 }
                 // Smoothing groups serve only to compute normals that the file does not give.
                 Some("s") => {}
@@ -250,6 +250,11 @@ impl Regular {
         let (models, materials) =
             tobj::load_obj_buf(&mut self.text.as_bytes(), &options, materials).map_err(refuse)?;
         Ok((models, materials.map_err(refuse)?))
+    }
+
+    /// The material libraries that the file names, as [`Regular::parse`] asks for them.
+    pub(super) fn libraries(&self) -> impl Iterator<Item = &str> {
+        self.text.lines().filter_map(|line| line.strip_prefix("mtllib ")).map(str::trim)
     }
 
     /// What was passed over.
