@@ -1,5 +1,7 @@
 //! Laws of the whole system.
 
+mod emission;
 mod rays;
+mod sampling;
 mod scene;
 mod support;

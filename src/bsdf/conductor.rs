@@ -95,7 +95,8 @@ pub(super) fn reflection(facets: &Microfacets, wo: Vec3, wi: Vec3) -> Option<Ref
     if wo.z <= 0.0 || wi.z <= 0.0 {
         return None;
     }
-    let h = (wo + wi).normalize();
+    // Two grazing directions that face each other may have no facet between them in floating point.
+    let h = (wo + wi).try_normalize()?;
     let pdf = facets.density(h) / (4.0 * facets.projected_area(wo));
     Some(Reflection { value: pdf * facets.visibility(wi), pdf, cos_facet: wo.dot(h) })
 }

@@ -221,3 +221,14 @@ impl<'a> Bsdf<'a> {
         albedo.clamp(0.0, 1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bsdf_is_small() {
+        // It is made at every vertex of every path.
+        assert!(size_of::<Bsdf<'_>>() <= 64, "{}", size_of::<Bsdf<'_>>());
+    }
+}

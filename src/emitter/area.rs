@@ -1,4 +1,4 @@
-//! Area emitters: parts of the scene that shine.
+//! Area emitters: parts of the scene that shine, from the side that their normals point to.
 //!
 //! Points are sampled uniformly by area, and the density converted to solid angle; a sphere seen from outside is sampled
 //! by the cone of directions to it, which is exact and never gives its far side.
@@ -145,8 +145,8 @@ impl AreaEmitter {
         let distance = to_point.length();
         let direction = to_point / distance;
         let cosine = -point.normal.dot(direction);
-        // Also refuses a NaN direction, to the point itself.
-        if !(cosine > 0.0) {
+        // The direction to the point itself is NaN.
+        if cosine <= 0.0 || cosine.is_nan() {
             return None;
         }
         let pdf = to_solid_angle(self.pdf_area, distance, cosine);
@@ -164,8 +164,8 @@ impl AreaEmitter {
     pub(super) fn pdf(&self, from: Vec3, at: &Interaction) -> f32 {
         let to_point = at.position - from;
         let distance = to_point.length();
-        let cosine = -at.normal.dot(to_point / distance);
-        if !(cosine > 0.0) || self.pdf_area == 0.0 {
+        let cosine = -shining_normal(at).dot(to_point / distance);
+        if cosine <= 0.0 || cosine.is_nan() || self.pdf_area == 0.0 {
             return 0.0;
         }
         if let Shape::Sphere { center, radius, .. } = self.shape
@@ -267,7 +267,7 @@ impl Cone {
         let to_center = center - from;
         let distance = to_center.length();
         let sine = radius / distance;
-        if !(sine < 1.0) {
+        if sine >= 1.0 || sine.is_nan() {
             return None;
         }
         let cap = warp::one_minus_cosine(sine * sine);
@@ -311,8 +311,16 @@ fn mesh_shape(mesh: &Mesh, is_textured: bool) -> (Shape, f64) {
     let corner = |index: u32| mesh.positions.get(index as usize).copied().unwrap_or(Vec3::NAN);
     let corners: Vec<[Vec3; 3]> =
         mesh.triangles.iter().map(|indices| indices.map(corner)).collect();
-    let (triangles, areas): (Vec<Triangle>, Vec<f64>) =
-        corners.iter().map(|&corners| triangle(corners, mesh.flip_normals)).unzip();
+    let vertex_normal =
+        |index: u32| mesh.normals.get(index as usize).copied().unwrap_or(Vec3::ZERO);
+    let (triangles, areas): (Vec<Triangle>, Vec<f64>) = mesh
+        .triangles
+        .iter()
+        .zip(&corners)
+        .map(|(&indices, &corners)| {
+            triangle(corners, indices.map(vertex_normal), mesh.flip_normals)
+        })
+        .unzip();
     let area = areas.iter().sum();
     if let [first, second] = corners[..]
         && !is_textured
@@ -337,17 +345,26 @@ fn mesh_shape(mesh: &Mesh, is_textured: bool) -> (Shape, f64) {
     (Shape::Triangles { triangles, choice: AliasTable::new(&areas), uvs }, area)
 }
 
-/// A triangle and its area, 0 where it is not finite.
-fn triangle([a, b, c]: [Vec3; 3], flip_normals: bool) -> (Triangle, f64) {
+/// A triangle, its normal on the side of its corners' normals, and its area, 0 where that is not finite.
+fn triangle(
+    [a, b, c]: [Vec3; 3],
+    vertex_normals: [Vec3; 3],
+    flip_normals: bool,
+) -> (Triangle, f64) {
     let across = (b.as_dvec3() - a.as_dvec3()).cross(c.as_dvec3() - a.as_dvec3());
-    let normal = across.normalize_or_zero().as_vec3();
     let area = 0.5 * across.length();
-    let triangle = Triangle {
-        corner: a,
-        edges: [b - a, c - a],
-        normal: if flip_normals { -normal } else { normal },
-    };
+    let face = across.normalize_or_zero().as_vec3();
+    let is_turned = vertex_normals.into_iter().sum::<Vec3>().dot(face) < 0.0;
+    let normal = if is_turned != flip_normals { -face } else { face };
+    let triangle = Triangle { corner: a, edges: [b - a, c - a], normal };
     (triangle, if area.is_finite() { area } else { 0.0 })
+}
+
+/// The unit geometric normal on the side that shines: that of the shading normal, which is the other one where a mesh
+/// has vertex normals against its winding. As in Mitsuba 3, apart from triangles whose normals lean over by more than a right angle.
+#[inline]
+pub(super) fn shining_normal(at: &Interaction) -> Vec3 {
+    if at.normal.dot(at.shading_normal) < 0.0 { -at.normal } else { at.normal }
 }
 
 /// A corner of the parallelogram that two triangles make together, and its two neighbours; `None` when they make none.

@@ -85,8 +85,9 @@ pub enum EnvironmentError {
 /// interpolated bilinearly, the columns wrapping around.
 ///
 /// Directions are sampled by cells, a cell being the place between four texels. Its weight is the mean luminance of the
-/// four times the solid angle, so it is positive wherever the interpolated radiance is; within the cell the density is
-/// uniform in solid angle, and therefore needs no division by a sine that is 0 at the poles.
+/// four times the solid angle, so it is positive wherever the interpolated radiance is. Within the cell the density is
+/// bilinear too, but over equal solid angles instead of equal polar angles, and therefore needs no division by a sine that
+/// is 0 at the poles.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
     width: usize,
@@ -105,9 +106,11 @@ pub struct EnvironmentMap {
 /// A row of cells.
 #[derive(Clone, Copy, Debug)]
 struct Row {
-    /// Cosines of the polar angles of the upper and the lower edge. In double precision: near a pole they differ from 1
-    /// by less than single precision can tell.
-    cosines: [f64; 2],
+    /// 1 in the upper half of the image, -1 in the lower: which pole `heights` count from.
+    pole: f32,
+    /// Distance of the upper and the lower edge from the pole along the `y` axis, `1 - |cos|`. Small near the pole, where
+    /// the cosine itself would have lost its digits.
+    heights: [f32; 2],
     /// One over the solid angle of one of its cells.
     per_solid_angle: f32,
 }
@@ -117,8 +120,10 @@ struct Row {
 struct Place {
     /// Column and row of the cell.
     cell: [usize; 2],
-    /// How far it is from the left and the upper texels to the others, in `[0, 1]`.
+    /// How far it is from the left and the upper texels to the others, in `[0, 1]`: columns and polar angle.
     fraction: Vec2,
+    /// Share of the cell's solid angle above it.
+    above: f32,
 }
 
 /// Largest radiance kept: products with throughputs and cosines stay finite.
@@ -127,6 +132,10 @@ const MAX_RADIANCE: f32 = 1e30;
 /// Share of the samples that goes evenly to all cells that are not black. Without it, next to one texel of a million
 /// times the mean the rest of the sky would be left to chance that 24-bit random numbers cannot express.
 const EVEN_SHARE: f64 = 0.01;
+
+/// Share of a cell's density that does not depend on the place in it. Where bilinear radiance is 0 in a corner at a pole,
+/// it grows faster from there than a density over equal solid angles; this bounds a sample's weight.
+const FLAT_SHARE: f32 = 0.05;
 
 impl EnvironmentMap {
     /// The map with the given texels, row by row from the top, each multiplied by `scale`; `to_world` turns its axes into
@@ -214,7 +223,7 @@ impl EnvironmentMap {
         ]
     }
 
-    /// Where a direction of the world, of any length, meets the image.
+    /// Where a unit vector of the world meets the image.
     #[inline]
     fn locate(&self, direction: Vec3) -> Place {
         let Vec3 { x, y, z } = self.to_local * direction;
@@ -222,26 +231,45 @@ impl EnvironmentMap {
         let turn = x.atan2(-z) * (1.0 / TAU) - 0.5 / self.width as f32;
         let (column, across) = split((turn - turn.floor()) * self.width as f32, self.width);
         // The arc tangent, unlike the arc cosine, is exact near the poles.
-        let polar = (x * x + z * z).sqrt().atan2(y) * FRAC_1_PI;
+        let sine_squared = x * x + z * z;
+        let polar = sine_squared.sqrt().atan2(y) * FRAC_1_PI;
         let (row, down) = split(polar * self.rows.len() as f32, self.rows.len());
-        Place { cell: [column, row], fraction: Vec2::new(across, down) }
+        let Row { pole, heights: [top, bottom], .. } = self.rows[row];
+        let cosine = pole * y;
+        // Both are 1 - cos; each form is exact on its side of the equator.
+        let height = if cosine > 0.0 { sine_squared / (1.0 + cosine) } else { 1.0 - cosine };
+        let above = ((height - top) / (bottom - top)).clamp(0.0, 1.0);
+        Place { cell: [column, row], fraction: Vec2::new(across, down), above }
     }
 
     /// Bilinear interpolation.
     #[inline]
-    fn radiance(&self, Place { cell, fraction }: Place) -> Rgb {
+    fn radiance(&self, Place { cell, fraction, .. }: Place) -> Rgb {
         let [upper_left, upper_right, lower_left, lower_right] = self.corners(cell);
         let upper = upper_left.lerp(upper_right, fraction.x);
         let lower = lower_left.lerp(lower_right, fraction.x);
         upper.lerp(lower, fraction.y)
     }
 
+    /// Relative densities at the corners of a cell; their mean is about 1.
+    #[inline]
+    fn corner_densities(&self, cell: [usize; 2]) -> [f32; 4] {
+        let luminances = self.corners(cell).map(Rgb::luminance);
+        let mean = 0.25 * luminances.iter().sum::<f32>();
+        // A black cell is never chosen.
+        if mean > 0.0 {
+            luminances.map(|luminance| luminance / mean + FLAT_SHARE)
+        } else {
+            [1.0; 4]
+        }
+    }
+
     /// Per steradian.
     #[inline]
-    fn pdf(&self, Place { cell, .. }: Place) -> f32 {
-        self.cells
-            .as_ref()
-            .map_or(0.0, |cells| cells.pmf(cell) * self.rows[cell[1]].per_solid_angle)
+    fn pdf(&self, Place { cell, fraction, above }: Place) -> f32 {
+        let Some(cells) = &self.cells else { return 0.0 };
+        let within = warp::bilinear_pdf(Vec2::new(fraction.x, above), self.corner_densities(cell));
+        cells.pmf(cell) * self.rows[cell[1]].per_solid_angle * within
     }
 
     /// A direction of the world, its radiance and its density per steradian.
@@ -249,12 +277,14 @@ impl EnvironmentMap {
     fn sample(&self, u: Vec2) -> Option<(Vec3, Rgb, f32)> {
         let cell = self.cells.as_ref()?.sample(u);
         let [column, row] = cell.index;
-        let [top, bottom] = self.rows[row].cosines;
-        let cosine = top + (bottom - top) * f64::from(cell.position.y);
-        let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt() as f32;
-        let phi = (column as f32 + cell.position.x + 0.5) / self.width as f32 * TAU;
+        let within = warp::square_to_bilinear(cell.position, self.corner_densities(cell.index));
+        let Row { pole, heights: [top, bottom], .. } = self.rows[row];
+        let height = top + (bottom - top) * within.y;
+        let sine = (height * (2.0 - height)).max(0.0).sqrt();
+        let phi = (column as f32 + within.x + 0.5) / self.width as f32 * TAU;
         let (sin_phi, cos_phi) = phi.sin_cos();
-        let direction = self.to_world * Vec3::new(sin_phi * sine, cosine as f32, -cos_phi * sine);
+        let direction =
+            self.to_world * Vec3::new(sin_phi * sine, pole * (1.0 - height), -cos_phi * sine);
         // Looked up again, so that density and radiance are bit for bit those of the direction, even on a cell's edge.
         let place = self.locate(direction);
         Some((direction, self.radiance(place), self.pdf(place)))
@@ -265,14 +295,18 @@ impl EnvironmentMap {
 fn rows(width: usize, height: usize) -> Vec<Row> {
     let count = (height - 1).max(1);
     let half_angle = |edge: usize| 0.5 * PI * edge as f64 / count as f64;
-    // cos a - cos b = 2 sin((a + b) / 2) sin((b - a) / 2), without cancellation.
-    let difference = |row: usize| {
-        2.0 * (half_angle(row) + half_angle(row + 1)).sin()
-            * (half_angle(row + 1) - half_angle(row)).sin()
-    };
-    let row = |row: usize| Row {
-        cosines: [(2.0 * half_angle(row)).cos(), (2.0 * half_angle(row + 1)).cos()],
-        per_solid_angle: (width as f64 / (2.0 * PI * difference(row))) as f32,
+    let row = |row: usize| {
+        let [top, bottom] = [row, row + 1].map(half_angle);
+        // cos a - cos b = 2 sin((a + b) / 2) sin((b - a) / 2), 1 - cos a = 2 sin²(a / 2) and 1 + cos a = 2 cos²(a / 2), all
+        // without cancellation.
+        let difference = 2.0 * (top + bottom).sin() * (bottom - top).sin();
+        let is_upper = 2 * row < count;
+        let distance = |half: f64| 2.0 * if is_upper { half.sin() } else { half.cos() }.powi(2);
+        Row {
+            pole: if is_upper { 1.0 } else { -1.0 },
+            heights: [distance(top) as f32, distance(bottom) as f32],
+            per_solid_angle: (width as f64 / (2.0 * PI * difference)) as f32,
+        }
     };
     (0..count).map(row).collect()
 }
@@ -282,4 +316,96 @@ fn rows(width: usize, height: usize) -> Vec<Row> {
 fn split(value: f32, count: usize) -> (usize, f32) {
     let whole = (value as usize).min(count - 1);
     (whole, (value - whole as f32).min(1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, DVec3};
+
+    /// 5 × 4 texels without any symmetry.
+    fn texels() -> Vec<Rgb> {
+        let texel = |x: usize, y: usize| [1 + x + 10 * y, (7 * x + 3 * y) % 5, (x * x + y) % 4];
+        let texels = (0..4).flat_map(|y| (0..5).map(move |x| texel(x, y)));
+        texels.map(|texel| Rgb::from(texel.map(|value| value as f32))).collect()
+    }
+
+    fn turned(texels: Vec<Rgb>) -> EnvironmentMap {
+        let rotation = DQuat::from_axis_angle(DVec3::new(2.0, 2.0, -1.0) / 3.0, 40f64.to_radians());
+        EnvironmentMap::new([5, 4], texels, 2.0, DMat3::from_quat(rotation)).unwrap()
+    }
+
+    #[test]
+    fn the_lookup_is_that_of_mitsuba() {
+        // Mitsuba 3.9.1 scalar_rgb: envmap with these texels as bitmap, scale 2 and to_world
+        // rotate([2/3, 2/3, -1/3], 40): emitter.eval for the unit directions given.
+        let golden: [([f32; 3], [f32; 3]); 8] = [
+            ([0.4242641, 0.5656854, -0.7071068], [25.1667, 4.91467, 2.51384]),
+            ([0.0, 1.0, 0.0], [17.2824, 3.68565, 0.984616]),
+            ([0.1003721, -0.9936835, 0.050186], [53.6723, 2.90783, 4.51238]),
+            ([-0.7548294, 0.1078328, 0.6469966], [36.3568, 6.16312, 4.59764]),
+            ([0.0099975, 0.019995, 0.9997501], [29.0662, 5.28652, 3.0838]),
+            ([-0.0099975, 0.019995, 0.9997501], [29.2309, 5.32504, 3.1295]),
+            ([0.9999995, 0.0, 0.001], [27.9585, 1.30098, 4.22908]),
+            ([-0.1906925, -0.4767313, -0.8581163], [50.3549, 4.48642, 4.76644]),
+        ];
+        let environment = Environment::Map(turned(texels()));
+        for (direction, expected) in golden {
+            let radiance = environment.radiance(Vec3::from(direction));
+            let difference = (radiance - Rgb::from(expected)).map(f32::abs).max_component();
+            assert!(difference < 2e-4, "{direction:?}: {radiance:?}, expected {expected:?}");
+        }
+    }
+
+    #[test]
+    fn texels_that_are_no_radiance_are_counted_and_harmless() {
+        let mut spoiled = texels();
+        spoiled[3] = Rgb::new(f32::NAN, 1.0, 1.0);
+        spoiled[8] = Rgb::new(-1.0, 1.0, 1.0);
+        spoiled[12] = Rgb::new(1.0, f32::INFINITY, 1.0);
+        let map = turned(spoiled);
+        assert_eq!(map.invalid_texels(), 3);
+        assert_eq!(map.texels[3], Rgb::new(0.0, 2.0, 2.0));
+        assert_eq!(map.texels[8], Rgb::new(0.0, 2.0, 2.0));
+        assert_eq!(map.texels[12], Rgb::new(2.0, 1e30, 2.0));
+        for i in 0..100 {
+            let u = Vec2::new(i as f32 / 100.0, (i * 37 % 100) as f32 / 100.0);
+            let (direction, radiance, pdf) = map.sample(u).unwrap();
+            assert!(direction.is_finite() && radiance.is_finite() && pdf.is_finite() && pdf > 0.0);
+        }
+        assert_eq!(turned(texels()).invalid_texels(), 0);
+    }
+
+    #[test]
+    fn the_fluence_is_the_integral_of_the_radiance() {
+        let environment = Environment::Map(turned(texels()));
+        let count = 400;
+        let mut sum = 0.0;
+        for i in 0..count {
+            for j in 0..2 * count {
+                let z = (i as f32 + 0.5) / count as f32 * 2.0 - 1.0;
+                let phi = (j as f32 + 0.5) / (2 * count) as f32 * TAU;
+                let sine = (1.0 - z * z).sqrt();
+                sum += mean(environment.radiance(Vec3::new(sine * phi.cos(), sine * phi.sin(), z)));
+            }
+        }
+        let integral = sum * 4.0 * PI / f64::from(2 * count * count);
+        // Cells count with the mean of their corners, which for four rows is a coarse quadrature of the sine.
+        assert!(
+            (environment.fluence() / integral - 1.0).abs() < 0.03,
+            "{} and {integral}",
+            environment.fluence()
+        );
+    }
+
+    #[test]
+    fn what_is_no_map_is_refused() {
+        let size = EnvironmentMap::new([5, 5], texels(), 1.0, DMat3::IDENTITY).unwrap_err();
+        assert_eq!(size, EnvironmentError::Size { width: 5, height: 5, texels: 20 });
+        assert!(EnvironmentMap::new([0, 0], Vec::new(), 1.0, DMat3::IDENTITY).is_err());
+        let stretch = DMat3::from_diagonal(DVec3::new(1.0, 2.0, 1.0));
+        let transform = EnvironmentMap::new([5, 4], texels(), 1.0, stretch).unwrap_err();
+        assert!(matches!(transform, EnvironmentError::Transform { .. }));
+        assert!(EnvironmentMap::new([5, 4], texels(), 1.0, DMat3::IDENTITY * -3.0).is_ok());
+    }
 }

@@ -4,7 +4,8 @@
 //! it; [`Emitters::pdf`] and [`Emitters::environment_pdf`] are the density of just that, for directions found in another
 //! way. Densities are per steradian. An emitter that is black or has no area is never chosen, and its density is 0.
 //!
-//! Area emitters shine from the side of their normal only: both the radiance and the density are 0 behind it.
+//! Area emitters shine from one side only, that of their shading normal (the normals of a mesh's vertices, where it has any, as
+//! in Mitsuba 3): behind it both the radiance and the density are 0.
 
 mod area;
 mod environment;
@@ -43,7 +44,7 @@ pub struct EmitterSample {
 /// One source of light.
 #[derive(Clone, Debug)]
 pub enum Emitter {
-    /// A part of the scene that shines from the side of its normal.
+    /// A part of the scene that shines from the side of its shading normal.
     Area {
         /// Its shape, in world space.
         part: Part,
@@ -144,7 +145,7 @@ impl Emitters {
     #[inline]
     pub fn radiance(&self, id: EmitterId, at: &Interaction, wo: Vec3) -> Rgb {
         match &self.sources[id.0 as usize] {
-            Source::Area(area) if at.normal.dot(wo) > 0.0 => area.radiance(at.uv),
+            Source::Area(area) if area::shining_normal(at).dot(wo) > 0.0 => area.radiance(at.uv),
             _ => Rgb::BLACK,
         }
     }

@@ -65,9 +65,8 @@ impl Geometry {
         {
             geometry.first_primitives[part] = geometry.next_primitive();
             for indices in &mesh.triangles {
-                match geometry.accept(mesh, *indices) {
-                    Some(corners) => triangles.push((geometry.next_primitive(), corners)),
-                    None => {}
+                if let Some(corners) = geometry.accept(mesh, *indices) {
+                    triangles.push((geometry.next_primitive(), corners));
                 }
                 geometry.primitive_parts.push(part as u32);
             }

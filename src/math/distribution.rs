@@ -202,3 +202,127 @@ fn invert(cumulative: &[f32], u: f32) -> (usize, f32, f32) {
     let width = high - low;
     (end - 1, width, ((u - low) / width).min(ONE_MINUS_EPSILON))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{IndependentSampler, Sampler};
+
+    /// χ² of counts against probabilities, cells that expect fewer than 5 left out (they must then be rare), below the
+    /// quantile of 1 - 1e-5.
+    fn assert_distributed(counts: &[u32], probabilities: &[f64]) {
+        let total = f64::from(counts.iter().sum::<u32>());
+        let cells =
+            counts.iter().zip(probabilities).map(|(&count, p)| (f64::from(count), p * total));
+        let frequent: Vec<(f64, f64)> = cells.filter(|&(_, expected)| expected >= 5.0).collect();
+        let chi_squared: f64 =
+            frequent.iter().map(|(count, expected)| (count - expected).powi(2) / expected).sum();
+        let freedom = (frequent.len() - 1).max(1) as f64;
+        let spread = 2.0 / (9.0 * freedom);
+        let bound = freedom * (1.0 - spread + 4.265 * spread.sqrt()).powi(3);
+        assert!(
+            chi_squared < bound,
+            "χ² {chi_squared}, bound {bound}: {counts:?} {probabilities:?}"
+        );
+        for (&count, &p) in counts.iter().zip(probabilities) {
+            assert!(p > 0.0 || count == 0, "an impossible entry was chosen {count} times");
+        }
+    }
+
+    fn lists() -> Vec<Vec<f64>> {
+        let mut sampler = IndependentSampler::new(1, 1, 1);
+        let many = (0..1000).map(|_| f64::from(sampler.next_1d()).powi(6)).collect();
+        vec![
+            vec![1.0],
+            vec![1.0, 2.0, 3.0, 4.0],
+            vec![0.0, 1.0, 0.0, 0.0, 3.0, 0.0],
+            vec![1e-300, 2e-300],
+            vec![f64::MAX, f64::MAX, f64::MAX / 2.0],
+            vec![1e8, 1e-8, f64::NAN, -1.0, f64::INFINITY, 3e8],
+            many,
+        ]
+    }
+
+    #[test]
+    fn an_alias_table_has_the_given_probabilities() {
+        for weights in lists() {
+            let table = AliasTable::new(&weights).unwrap();
+            let probabilities = normalize(&weights).unwrap();
+            let mut sampler = IndependentSampler::new(2, 3, 4);
+            let mut counts = vec![0; weights.len()];
+            for _ in 0..200_000 {
+                let choice = table.sample(sampler.next_1d());
+                counts[choice.index] += 1;
+                assert_eq!(choice.pmf, table.pmf(choice.index));
+                assert!((0.0..1.0).contains(&choice.remainder));
+            }
+            assert_distributed(&counts, &probabilities);
+            for (index, probability) in probabilities.iter().enumerate() {
+                assert!((f64::from(table.pmf(index)) - probability).abs() <= 1e-7 * probability);
+            }
+        }
+    }
+
+    #[test]
+    fn the_remainder_is_uniform_within_every_entry() {
+        let weights = [1.0, 2.0, 3.0, 4.0];
+        let table = AliasTable::new(&weights).unwrap();
+        let mut counts = vec![0; 64];
+        for i in 0..(1 << 18) {
+            let choice = table.sample((i as f32 + 0.5) / (1 << 18) as f32);
+            counts[choice.index * 16 + (choice.remainder * 16.0) as usize] += 1;
+        }
+        // Not random: each count is right to a few steps of the comb.
+        for (i, &count) in counts.iter().enumerate() {
+            let expected = weights[i / 16] / 10.0 / 16.0 * f64::from(1 << 18);
+            assert!((f64::from(count) - expected).abs() < 4.0, "{i}: {count}, expected {expected}");
+        }
+    }
+
+    #[test]
+    fn nothing_positive_is_no_distribution() {
+        for weights in [vec![], vec![0.0], vec![-1.0, f64::NAN, f64::INFINITY, 0.0]] {
+            assert!(AliasTable::new(&weights).is_none());
+            assert!(Grid::new(1, &weights).is_none());
+        }
+    }
+
+    #[test]
+    fn a_grid_has_the_given_probabilities_and_keeps_points_in_their_cells() {
+        for weights in lists() {
+            for width in [1, 2].into_iter().filter(|width| weights.len().is_multiple_of(*width)) {
+                let grid = Grid::new(width, &weights).unwrap();
+                let probabilities = normalize(&weights).unwrap();
+                let mut sampler = IndependentSampler::new(5, 6, 7);
+                let mut counts = vec![0; weights.len()];
+                for _ in 0..200_000 {
+                    let cell = grid.sample(sampler.next_2d());
+                    let [column, row] = cell.index;
+                    counts[row * width + column] += 1;
+                    assert_eq!(cell.pmf, grid.pmf(cell.index));
+                    assert!(
+                        (0.0..1.0).contains(&cell.position.x)
+                            && (0.0..1.0).contains(&cell.position.y)
+                    );
+                }
+                assert_distributed(&counts, &probabilities);
+                let total: f32 = (0..weights.len()).map(|i| grid.pmf([i % width, i / width])).sum();
+                assert!((total - 1.0).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn a_grid_keeps_stratified_points_stratified() {
+        // Inversion is monotonous: as u.x grows, so does the place.
+        let grid = Grid::new(5, &[1.0, 0.0, 5.0, 2.0, 0.5]).unwrap();
+        let place = |u: f32| {
+            let cell = grid.sample(Vec2::new(u, 0.3));
+            cell.index[0] as f32 + cell.position.x
+        };
+        let places: Vec<f32> = (0..1000).map(|i| place(i as f32 / 1000.0)).collect();
+        assert!(places.is_sorted());
+        assert_eq!(grid.sample(Vec2::ZERO).index, [0, 0]);
+        assert_eq!(grid.sample(Vec2::splat(ONE_MINUS_EPSILON)).index, [4, 0]);
+    }
+}

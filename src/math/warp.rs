@@ -92,6 +92,34 @@ pub fn square_to_triangle(u: Vec2) -> Vec2 {
 /// unit of that.
 pub const TRIANGLE_PDF: f32 = 2.0;
 
+/// A point of the unit square whose density is the bilinear interpolation of `corners` (at (0, 0), (1, 0), (0, 1) and
+/// (1, 1); not negative, and not all zero), up to a factor: first `y` by the means of the two rows, then `x` by the
+/// corners interpolated at `y`.
+#[inline]
+pub fn square_to_bilinear(u: Vec2, corners: [f32; 4]) -> Vec2 {
+    let [a, b, c, d] = corners;
+    let y = invert_linear(u.y, a + b, c + d);
+    Vec2::new(invert_linear(u.x, a + (c - a) * y, b + (d - b) * y), y)
+}
+
+/// Density of [`square_to_bilinear`].
+#[inline]
+pub fn bilinear_pdf(point: Vec2, corners: [f32; 4]) -> f32 {
+    let [a, b, c, d] = corners;
+    let (upper, lower) = (a + (b - a) * point.x, c + (d - c) * point.x);
+    4.0 * (upper + (lower - upper) * point.y) / (a + b + c + d)
+}
+
+/// Where the integral of the density that goes linearly from `start` to `end` over `[0, 1]` reaches the share `u`. This
+/// form of the quadratic's root neither cancels nor divides by the difference of the two, which may be 0.
+#[inline]
+fn invert_linear(u: f32, start: f32, end: f32) -> f32 {
+    let value = (start * start + (end * end - start * start) * u).max(0.0).sqrt();
+    let sum = start + value;
+    // Only where the density starts at 0 and u is 0.
+    if sum > 0.0 { (u * (start + end) / sum).min(1.0) } else { 0.0 }
+}
+
 /// The solid angle of the whole sphere.
 pub const SPHERE_SOLID_ANGLE: f32 = 4.0 * PI;
 
@@ -156,6 +184,18 @@ mod tests {
             assert!(x >= 0.0 && y >= 0.0 && x + y <= 1.0);
             cell(N, (1.0 - x) * (1.0 - x), y / (1.0 - x))
         });
+        // Of a bilinear density, by its two cumulative distributions: of y, and of x at that y.
+        for [a, b, c, d] in
+            [[1.0, 2.0, 3.0, 0.5], [0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 1.0, 0.0]]
+        {
+            let share = |at: f32, start: f32, end: f32| {
+                at * (2.0 * start + (end - start) * at) / (start + end)
+            };
+            assert_uniform("bilinear", N * N, COUNT, |u| {
+                let Vec2 { x, y } = square_to_bilinear(u, [a, b, c, d]);
+                cell(N, share(x, a + (c - a) * y, b + (d - b) * y), share(y, a + b, c + d))
+            });
+        }
     }
 
     #[test]
@@ -166,6 +206,13 @@ mod tests {
         let total: f32 =
             cosines.map(|z| cosine_hemisphere_pdf(Vec3::new(0.0, 0.0, z)) * TAU / n as f32).sum();
         assert!((total - 1.0).abs() < 1e-5, "{total}");
+        let corners = [1.0, 2.0, 3.0, 0.5];
+        let centers = (0..100 * 100)
+            .map(|i| Vec2::new((i % 100) as f32 + 0.5, (i / 100) as f32 + 0.5) / 100.0);
+        let total: f32 = centers.map(|point| bilinear_pdf(point, corners) / 1e4).sum();
+        assert!((total - 1.0).abs() < 1e-4, "{total}");
+        // Twice as high at a corner of twice the weight; the mean of the corners is 1.625.
+        assert!((bilinear_pdf(Vec2::X, corners) - 2.0 / 1.625).abs() < 1e-6);
         assert!((SPHERE_PDF * SPHERE_SOLID_ANGLE - 1.0).abs() < 1e-6);
         assert!((cone_pdf(2.0) - SPHERE_PDF).abs() < 1e-8);
     }

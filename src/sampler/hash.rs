@@ -1,9 +1,9 @@
 //! Hashing of keys (seed, pixel, sample, ...) into independent-looking bits.
 
-/// 2⁶⁴ divided by the golden ratio: the step of SplitMix64's counter.
+/// 2⁶⁴ divided by the golden ratio: the step of `SplitMix64`'s counter.
 pub(super) const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The output function of SplitMix64 (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators",
+/// The output function of `SplitMix64` (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators",
 /// with the constants of Stafford's variant 13): a bijection of 64 bits in which every input bit flips every output
 /// bit with a probability near one half.
 #[inline]

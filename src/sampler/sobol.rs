@@ -13,7 +13,7 @@
 use super::{Sampler, hash, unit_interval};
 use glam::Vec2;
 
-/// Pairs computed together. Four fill the 128-bit vectors that every x86-64 and AArch64 has; a bounce of a path tracer
+/// Pairs computed together. Four fill the 128-bit vectors that every 64-bit x86 and ARM processor has; a bounce of a path tracer
 /// takes five to seven numbers, so that few of the eight are computed in vain.
 const LANES: usize = 4;
 

@@ -87,6 +87,7 @@ fn means_know_their_error() {
     let mut random = super::random::Random::new(2);
     let batch: Mean = (0..10_000).map(|_| random.next_f64()).collect();
     let other: Mean = (0..10_000).map(|_| random.next_f64()).collect();
+    assert_eq!(batch.count(), 10_000);
     assert!((batch.variance() - 1.0 / 12.0).abs() < 0.003);
     assert!(batch.p_against(0.5) > 1e-3 && batch.p_against(0.515) < 1e-4);
     let shifted: Mean = (0..10_000).map(|_| random.next_f64() + 0.03).collect();

@@ -9,9 +9,9 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
-/// Share of the nodes that the first pass of reinsertion considers; later passes consider 1/3, 1/5, ... of it. More
-/// makes the build slower and the tree hardly better (0.2 gains about 2 % over 0.05).
-const REINSERTION: f32 = 0.1;
+/// Share of the nodes that the first pass of reinsertion considers; later passes consider 1/3, 1/5, ... of it. On a
+/// million triangles 0.1 builds in 1.5 s, 0.3 in 2.5 s for rays 2 % faster.
+const REINSERTION: f32 = 0.2;
 
 /// obvhs walks the tree with a stack of 192 while it reinserts, and a pass can at worst double the depth.
 const REINSERTION_DEPTH: usize = 90;
@@ -162,4 +162,74 @@ fn balanced(boxes: &[obvhs::aabb::Aabb]) -> BinaryTree {
         work.push((pair + 1, range.start + half..range.end));
     }
     tree
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::bvh::wide::Target;
+
+    /// Triangles around the origin, each twice as large as the one before.
+    fn nested(count: i32) -> Vec<(u32, [Vec3; 3])> {
+        let triangle =
+            [Vec3::new(1.0, -0.3, -0.2), Vec3::new(-0.4, 1.0, 0.1), Vec3::new(-0.5, -0.6, 0.9)];
+        (0..count)
+            .map(|i| (i as u32, triangle.map(|corner| corner * 2f32.powi(i - count / 2))))
+            .collect()
+    }
+
+    #[test]
+    fn a_tree_too_deep_for_the_stack_is_balanced() {
+        let triangles = nested(120);
+        let deep = build(&triangles, &[], usize::MAX);
+        assert!(deep.stack > 40, "{} is no test", deep.stack);
+        let shallow = build(&triangles, &[], 40);
+        assert!(shallow.stack <= 40, "{}", shallow.stack);
+        for tree in [deep, shallow] {
+            let mut found: Vec<u32> =
+                tree.packets.iter().flat_map(|packet| packet.primitives).collect();
+            found.sort_unstable();
+            found.dedup();
+            assert_eq!(found, (0..120).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn every_box_holds_what_is_below_it() {
+        let triangles: Vec<_> = nested(40)
+            .into_iter()
+            .flat_map(|(i, corners)| {
+                [0, 1, 2, 3].map(|j| (4 * i + j, corners.map(|corner| corner + j as f32)))
+            })
+            .collect();
+        let tree = build(&triangles, &[], usize::MAX);
+        let mut seen = 0;
+        for node in &tree.nodes {
+            for lane in 0..8 {
+                let low = Vec3::from_array(std::array::from_fn(|axis| node.planes[axis][0][lane]));
+                let high = Vec3::from_array(std::array::from_fn(|axis| node.planes[axis][1][lane]));
+                if low.x > high.x {
+                    continue;
+                }
+                match node.children[lane].target() {
+                    Target::Packet(index) => {
+                        for primitive in tree.packets[index].primitives {
+                            for corner in triangles[primitive as usize].1 {
+                                assert!(corner.cmpgt(low).all() && corner.cmplt(high).all());
+                                seen += 1;
+                            }
+                        }
+                    }
+                    Target::Node(index) => {
+                        for (axis, planes) in tree.nodes[index].planes.iter().enumerate() {
+                            assert!(planes[0].iter().all(|&plane| plane >= low[axis]));
+                            assert!(planes[1].iter().all(|&plane| plane <= high[axis]));
+                        }
+                    }
+                    Target::Shape(_) => unreachable!("there are none"),
+                }
+            }
+        }
+        assert!(seen >= 3 * triangles.len());
+    }
 }

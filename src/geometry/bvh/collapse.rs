@@ -12,7 +12,7 @@ use super::wide::{Child, Node, Packet, WIDTH};
 const NODE_COST: f32 = 1.0;
 
 /// Cost of testing a packet of triangles or a shape.
-const PACKET_COST: f32 = 1.0;
+const PACKET_COST: f32 = 1.2;
 
 /// The wide tree.
 #[derive(Default)]

@@ -1,7 +1,8 @@
 //! A bounding volume hierarchy: eight boxes a node, eight triangles a packet.
 //!
 //! [`build`] makes a binary tree and collapses it, [`wide`] is the memory it lies in. [`traverse`] walks it with AVX2,
-//! [`portable`] with plain arithmetic, in the same order and with the same roundings: both give the same hits, bit by bit.
+//! [`portable`] with plain arithmetic, in the same order and with the same roundings: both give the same hits, bit by
+//! bit.
 
 mod build;
 mod collapse;
@@ -59,11 +60,19 @@ impl Default for Bvh {
 impl Bvh {
     /// Over triangles and other shapes, each with the index that its hits carry.
     pub(crate) fn new(triangles: &[(u32, [Vec3; 3])], shapes: Vec<(u32, Shape)>) -> Self {
-        let collapsed = build::build(triangles, &shapes, STACK);
+        let collapse::Collapsed { root, mut nodes, mut packets, .. } =
+            build::build(triangles, &shapes, STACK);
+        #[cfg(target_arch = "x86_64")]
+        {
+            nodes = traverse::in_huge_pages(nodes);
+            packets = traverse::in_huge_pages(packets);
+        }
+        nodes.shrink_to_fit();
+        packets.shrink_to_fit();
         Self {
-            root: collapsed.root,
-            nodes: collapsed.nodes,
-            packets: collapsed.packets,
+            root,
+            nodes,
+            packets,
             shapes,
             #[cfg(target_arch = "x86_64")]
             avx2: traverse::Avx2::detect(),

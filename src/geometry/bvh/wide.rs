@@ -7,7 +7,7 @@ pub(crate) const WIDTH: usize = 8;
 
 /// Lower and upper corner, one lane a child: `planes[axis][0]` are the lower, `planes[axis][1]` the upper coordinates.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
+#[repr(C, align(64))]
 pub(crate) struct Node {
     pub(crate) planes: [[[f32; WIDTH]; 2]; 3],
     pub(crate) children: [Child; WIDTH],
@@ -32,7 +32,7 @@ impl Node {
 /// Vertices of up to eight triangles, `vertices[corner][axis]`, and the index of each. When there are fewer, the last
 /// one is repeated: it costs nothing and needs no mask.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
+#[repr(C, align(64))]
 pub(crate) struct Packet {
     pub(crate) vertices: [[[f32; WIDTH]; 3]; 3],
     pub(crate) primitives: [u32; WIDTH],
@@ -45,9 +45,9 @@ impl Packet {
         for (lane, (primitive, corners)) in triangles.enumerate() {
             for lane in lane..WIDTH {
                 packet.primitives[lane] = primitive;
-                for corner in 0..3 {
-                    for axis in 0..3 {
-                        packet.vertices[corner][axis][lane] = corners[corner][axis];
+                for (axes, corner) in packet.vertices.iter_mut().zip(corners) {
+                    for (lanes, coordinate) in axes.iter_mut().zip(corner.to_array()) {
+                        lanes[lane] = coordinate;
                     }
                 }
             }
