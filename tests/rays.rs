@@ -202,6 +202,38 @@ fn no_ray_hits_the_sphere_that_it_leaves() {
 }
 
 #[test]
+fn an_interaction_lies_where_the_ray_hit_its_part() {
+    let mut numbers = Numbers(10);
+    // Shapes stand before, between and after meshes, which puts their primitives in another order than their parts.
+    let mut parts = shapes(&mut numbers, 20);
+    parts.insert(11, Part::Mesh(soup(&mut numbers, 200)));
+    parts.insert(3, Part::Mesh(ball(2, 0.4, Vec3::splat(0.3))));
+    parts.push(Part::Mesh(cube(Vec3::splat(-0.8), Vec3::splat(-0.2))));
+    let alone: Vec<Geometry> = parts.iter().map(|part| Geometry::new(vec![part.clone()])).collect();
+    let geometry = Geometry::new(parts);
+    let mut hits = vec![0; alone.len()];
+    for _ in 0..30_000 {
+        let ray = Ray::new(numbers.cube() * 2.0, numbers.direction());
+        let Some(hit) = geometry.intersect(&ray) else { continue };
+        let at = geometry.interaction(&ray, &hit);
+        assert!(
+            (at.position - ray.at(hit.t)).length() < 2e-5,
+            "{ray:?}: {hit:?} at {}",
+            at.position
+        );
+        let expected = alone[at.part as usize].intersect(&ray).expect("the part is hit when alone");
+        assert_eq!(
+            (hit.t, hit.u, hit.v),
+            (expected.t, expected.u, expected.v),
+            "{ray:?} on part {}",
+            at.part
+        );
+        hits[at.part as usize] += 1;
+    }
+    assert!(hits.iter().all(|&hits| hits > 0), "{hits:?}");
+}
+
+#[test]
 fn only_hits_before_t_max_count() {
     let mut numbers = Numbers(7);
     let mut parts = vec![Part::Mesh(soup(&mut numbers, 500))];
