@@ -368,7 +368,7 @@ fn old_spellings_mean_the_same() {
           <srgb name='diffuseReflectance' value='#ff8000'/></bsdf></shape>
         <shape type='sphere'><bsdf type='roughplastic'><float name='intIOR' value='1.5'/><float name='extIOR' value='1'/>
           <texture name='diffuseReflectance' type='checkerboard'><spectrum name='color0' value='0.1'/>
-          <float name='uscale' value='4'/><float name='voffset' value='0.5'/></texture></bsdf></shape>";
+          <float name='uscale' value='4'/><float name='uoffset' value='0.5'/></texture></bsdf></shape>";
     let new = "<integrator type='path'><integer name='max_depth' value='5'/><boolean name='hide_emitters' value='true'/>
           </integrator>
         <sensor type='perspective'><float name='fov' value='40'/><string name='fov_axis' value='smaller'/>
@@ -381,7 +381,7 @@ fn old_spellings_mean_the_same() {
         <shape type='sphere'><bsdf type='roughplastic'><float name='int_ior' value='1.5'/>
           <float name='ext_ior' value='1'/><texture name='diffuse_reflectance' type='checkerboard'>
           <rgb name='color0' value='0.1'/>
-          <transform name='to_uv'><translate y='0.5'/><scale x='4'/></transform></texture></bsdf></shape>";
+          <transform name='to_uv'><translate x='0.5'/><scale x='4'/></transform></texture></bsdf></shape>";
     let [old, new] = [old, new].map(|content| {
         let scene = load_with(content, &[], &LoadOptions::default())
             .map_err(|error| message(&error))

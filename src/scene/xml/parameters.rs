@@ -130,8 +130,10 @@ mod tests {
 
     #[test]
     fn the_longest_name_is_substituted() {
-        let mut parameters = parameters(&[("res", "1"), ("resx", "2")]);
-        assert_eq!(parameters.substitute("$resx $res$resy", &here()).unwrap(), "2 11y");
+        for order in [[("res", "1"), ("resx", "2")], [("resx", "2"), ("res", "1")]] {
+            let mut parameters = parameters(&order);
+            assert_eq!(parameters.substitute("$resx $res$resy", &here()).unwrap(), "2 11y");
+        }
     }
 
     #[test]

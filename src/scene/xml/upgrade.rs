@@ -123,7 +123,8 @@ mod tests {
             location: location.clone(),
             properties: vec![
                 property("uoffset", Value::Float(0.5)),
-                property("vscale", Value::Integer(3)),
+                property("uscale", Value::Integer(3)),
+                property("voffset", Value::Float(-1.0)),
                 property("raw", Value::Boolean(true)),
             ],
         };
@@ -136,7 +137,7 @@ mod tests {
         };
         assert_eq!(
             transform.transform_point3(DVec3::new(1.0, 1.0, 0.0)),
-            DVec3::new(1.5, 3.0, 0.0)
+            DVec3::new(4.5, 0.0, 0.0)
         );
     }
 }
