@@ -50,7 +50,7 @@ impl Default for RenderSettings {
 /// A picture with its layers, and what it took.
 #[derive(Debug)]
 pub struct Rendered {
-    /// All layers, with variances of their means that the halves corrected.
+    /// All layers; the halves have corrected the variances of means of stratified samples.
     pub layers: Layers,
     /// Samples per pixel taken; fewer than asked for when stopped.
     pub samples: u32,
@@ -94,13 +94,11 @@ pub fn render(
         }
     }
     let mut layers = film.layers(scene.origin);
-    variance::correct(&mut layers);
-    Rendered {
-        layers,
-        samples,
-        invalid_samples: film.invalid_samples(),
-        elapsed: start.elapsed(),
+    // The variance of independent samples is right, and of more degrees of freedom than that of the halves.
+    if settings.sampler == SamplerKind::Sobol {
+        variance::correct(&mut layers);
     }
+    Rendered { layers, samples, invalid_samples: film.invalid_samples(), elapsed: start.elapsed() }
 }
 
 /// Samples per pixel of the next pass: about `settings.pass` long by the speed so far, and no more than are left. The

@@ -3,7 +3,7 @@
 use crate::support::scenes::{
     assert_mean, layer, mean_and_error, render_finite, scene_around, settings,
 };
-use quietlight::integrator::Strategy::{self, Bsdf, Light, Mis};
+use quietlight::integrator::Strategy::{Bsdf, Light, Mis};
 use quietlight_denoise::LayerKind;
 
 /// The inside of a sphere of radius 1 around the camera: reflectance ρ, emission E, both grey.
@@ -210,7 +210,7 @@ fn a_glass_slab_dims_a_light_by_its_fresnel_sums() {
 #[test]
 fn the_first_edge_shows_emission_and_nothing_else() {
     let scene = scene_around(8, 60.0, 1, &integrating_sphere(0.9, 0.25));
-    let rendered = render_finite(&scene, &settings(4, 10, Strategy::Mis));
+    let rendered = render_finite(&scene, &settings(4, 10, Mis));
     for &value in layer(&rendered, LayerKind::Beauty).0 {
         assert_eq!(value, 0.25);
     }

@@ -110,7 +110,9 @@ impl PathTracing {
         let mut scatterings = 0u32;
         let mut eta_squared = 1.0f32;
         let mut departure = Departure { position: ray.origin, pdf: 0.0, is_delta: true };
-        let mut features = FeatureWalk::default();
+        // Rays start on the near plane, depth at the camera.
+        let length = ray.origin.distance(scene.camera.center());
+        let mut features = FeatureWalk { length, ..FeatureWalk::default() };
         let mut depth = 0u32;
 
         while depth < max_depth {
