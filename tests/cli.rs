@@ -26,17 +26,29 @@ fn own_scene(name: &str) -> String {
 fn render_writes_a_denoised_exr_with_all_layers_and_a_png() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let scene = own_scene("cornell-box");
-    let done = quietlight(&["render", &scene, "--size", "48x40", "--spp", "4", "--halves", "--json"], folder.path());
+    let done = quietlight(
+        &["render", &scene, "--size", "48x40", "--spp", "4", "--halves", "--json"],
+        folder.path(),
+    );
     assert!(done.status.success(), "{}", text(&done.stderr));
-    let outcome: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    let outcome: serde_json::Value =
+        serde_json::from_slice(&done.stdout).expect("JSON on standard output");
     assert_eq!((outcome["width"].as_u64(), outcome["samples"].as_u64()), (Some(48), Some(4)));
     let contents = exr::read(&folder.path().join("cornell-box.exr")).expect("the EXR is whole");
     let layers = &contents.layers;
-    for kind in [LayerKind::Beauty, LayerKind::Diffuse, LayerKind::Specular, LayerKind::Albedo, LayerKind::Normal] {
+    for kind in [
+        LayerKind::Beauty,
+        LayerKind::Diffuse,
+        LayerKind::Specular,
+        LayerKind::Albedo,
+        LayerKind::Normal,
+    ] {
         let layer = layers.layers.get(&kind).unwrap_or_else(|| panic!("no layer {kind:?}"));
         assert!(layer.variance.is_some() && layer.halves.is_some(), "{kind:?}");
     }
-    assert!(layers.samples.as_ref().is_some_and(|samples| samples.iter().all(|&count| count == 4.0)));
+    assert!(
+        layers.samples.as_ref().is_some_and(|samples| samples.iter().all(|&count| count == 4.0))
+    );
     assert_eq!(layers.metadata.get("seed").map(String::as_str), Some("0"));
     let picture = contents.picture.expect("a picture");
     assert_ne!(picture, layers.layers[&LayerKind::Beauty].mean, "the picture is denoised");
@@ -48,26 +60,40 @@ fn render_writes_a_denoised_exr_with_all_layers_and_a_png() {
 fn a_written_file_denoises_again_to_the_same_picture() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let scene = own_scene("cornell-box");
-    let done = quietlight(&["render", &scene, "--size", "32x32", "--spp", "8", "-o", "first.exr"], folder.path());
+    let done = quietlight(
+        &["render", &scene, "--size", "32x32", "--spp", "8", "-o", "first.exr"],
+        folder.path(),
+    );
     assert!(done.status.success(), "{}", text(&done.stderr));
     let done = quietlight(&["denoise", "first.exr", "-o", "second.exr"], folder.path());
     assert!(done.status.success(), "{}", text(&done.stderr));
-    let done = quietlight(&["compare", "second.exr", "first.exr", "--json", "--map", "map.png"], folder.path());
+    let done = quietlight(
+        &["compare", "second.exr", "first.exr", "--json", "--map", "map.png"],
+        folder.path(),
+    );
     assert!(done.status.success(), "{}", text(&done.stderr));
-    let scores: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    let scores: serde_json::Value =
+        serde_json::from_slice(&done.stdout).expect("JSON on standard output");
     assert_eq!(scores["relative_l2"].as_f64(), Some(0.0));
     assert!(folder.path().join("map.png").exists());
     // The noisy layer of the same file is another picture.
-    let done = quietlight(&["compare", "second.exr", "first.exr", "--layer", "noisy", "--json"], folder.path());
-    let scores: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    let done = quietlight(
+        &["compare", "second.exr", "first.exr", "--layer", "noisy", "--json"],
+        folder.path(),
+    );
+    let scores: serde_json::Value =
+        serde_json::from_slice(&done.stdout).expect("JSON on standard output");
     assert!(scores["relative_l2"].as_f64().is_some_and(|error| error > 0.0));
 }
 
 #[test]
 fn bad_input_exits_with_2_says_where_and_writes_nothing() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    std::fs::write(folder.path().join("bad.xml"), "<scene version=\"3.0.0\">\n  <shape type=\"spere\"/>\n</scene>")
-        .expect("the scene is written");
+    std::fs::write(
+        folder.path().join("bad.xml"),
+        "<scene version=\"3.0.0\">\n  <shape type=\"spere\"/>\n</scene>",
+    )
+    .expect("the scene is written");
     let scene = own_scene("cornell-box");
     for (arguments, expected) in [
         (vec!["render", "missing.xml"], "missing.xml"),
@@ -85,7 +111,11 @@ fn bad_input_exits_with_2_says_where_and_writes_nothing() {
         assert_eq!(done.status.code(), Some(2), "{arguments:?}: {}", text(&done.stderr));
         assert!(text(&done.stderr).contains(expected), "{arguments:?}: {}", text(&done.stderr));
     }
-    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "nothing was written");
+    assert_eq!(
+        std::fs::read_dir(folder.path()).expect("a folder").count(),
+        1,
+        "nothing was written"
+    );
 }
 
 #[test]
@@ -93,7 +123,8 @@ fn inspect_doctor_completions_and_replay_answer() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let scene = own_scene("cornell-box");
     let done = quietlight(&["inspect", &scene, "--json"], folder.path());
-    let facts: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    let facts: serde_json::Value =
+        serde_json::from_slice(&done.stdout).expect("JSON on standard output");
     assert_eq!(facts["has_masks"].as_bool(), Some(false));
     assert!(facts["triangles"].as_u64().is_some_and(|count| count > 10));
     let done = quietlight(&["inspect", &scene], folder.path());
@@ -102,7 +133,8 @@ fn inspect_doctor_completions_and_replay_answer() {
     assert!(done.status.success() && text(&done.stdout).contains("SIMD"), "{}", text(&done.stderr));
     let done = quietlight(&["completions", "bash"], folder.path());
     assert!(text(&done.stdout).contains("quietlight"));
-    let done = quietlight(&["render", &scene, "--size", "32x32", "--replay", "16,16,3"], folder.path());
+    let done =
+        quietlight(&["render", &scene, "--size", "32x32", "--replay", "16,16,3"], folder.path());
     assert!(text(&done.stdout).contains("finite   yes"), "{}", text(&done.stdout));
 }
 
@@ -119,7 +151,8 @@ fn ctrl_c_writes_what_there_is_and_exits_with_130() {
         .spawn()
         .expect("the binary runs");
     std::thread::sleep(Duration::from_secs(3));
-    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    let interrupt =
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
     assert!(interrupt.success());
     let asked = Instant::now();
     let status = child.wait().expect("the process ends");

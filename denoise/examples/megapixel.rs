@@ -1,7 +1,7 @@
-use std::collections::BTreeMap;
-use std::time::Instant;
 use quietlight_denoise::bilateral::{Parameters, Prepared};
 use quietlight_denoise::{Image, Layer, LayerKind, Layers};
+use std::collections::BTreeMap;
+use std::time::Instant;
 /// Smooth surfaces with an edge in the middle and noise on everything.
 fn noisy_layers(width: usize, height: usize) -> Layers {
     let mut state = 1_u32;

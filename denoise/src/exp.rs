@@ -27,7 +27,8 @@ pub(crate) fn exp_negative(distance: f32) -> f32 {
     let series = series * r + 0.5;
     let series = series * r + 1.0;
     let series = series * r + 1.0;
-    let exponent = (shifted.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32).wrapping_add(127);
+    let exponent =
+        (shifted.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32).wrapping_add(127);
     // An exponent of 0 is the number 0.
     let exponent = if exponent > 0 { exponent } else { 0 };
     series * f32::from_bits((exponent as u32) << 23)

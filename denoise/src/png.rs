@@ -31,8 +31,13 @@ pub fn write(path: &Path, picture: &Image, exposure: f32) -> Result<(), Error> {
 }
 
 /// Five colours of the map "magma" of matplotlib, evenly spaced: brightness grows evenly with the error.
-const MAGMA: [[f32; 3]; 5] =
-    [[0.0, 0.0, 4.0], [81.0, 18.0, 124.0], [183.0, 55.0, 121.0], [252.0, 137.0, 97.0], [252.0, 253.0, 191.0]];
+const MAGMA: [[f32; 3]; 5] = [
+    [0.0, 0.0, 4.0],
+    [81.0, 18.0, 124.0],
+    [183.0, 55.0, 121.0],
+    [252.0, 137.0, 97.0],
+    [252.0, 253.0, 191.0],
+];
 
 /// Writes an error of each pixel, `[height, width]`, in false colour from black (0) to pale yellow (1 and more).
 ///
@@ -49,21 +54,25 @@ fn false_colour(error: f32) -> [u8; 3] {
     let place = error.max(0.0).min(1.0) * (MAGMA.len() - 1) as f32;
     let below = (place as usize).min(MAGMA.len() - 2);
     let part = place - below as f32;
-    std::array::from_fn(|c| (MAGMA[below][c] * (1.0 - part) + MAGMA[below + 1][c] * part).round() as u8)
+    std::array::from_fn(|c| {
+        (MAGMA[below][c] * (1.0 - part) + MAGMA[below + 1][c] * part).round() as u8
+    })
 }
 
 /// Writes bytes, row after row of red, green and blue, as a PNG.
 fn encode(path: &Path, bytes: &[u8], width: usize, height: usize) -> Result<(), Error> {
     let (width, height) = (width as u32, height as u32);
     crate::atomic::write(path, |file| {
-        PngEncoder::new(file).write_image(bytes, width, height, ExtendedColorType::Rgb8).map_err(|error| match error {
-            image::ImageError::IoError(source) => Error::Io { path: path.into(), source },
-            error => Error::Format {
-                path: path.into(),
-                found: format!("a picture of {width}x{height} ({error})"),
-                expected: "one that a PNG can hold".into(),
+        PngEncoder::new(file).write_image(bytes, width, height, ExtendedColorType::Rgb8).map_err(
+            |error| match error {
+                image::ImageError::IoError(source) => Error::Io { path: path.into(), source },
+                error => Error::Format {
+                    path: path.into(),
+                    found: format!("a picture of {width}x{height} ({error})"),
+                    expected: "one that a PNG can hold".into(),
+                },
             },
-        })
+        )
     })
 }
 

@@ -29,14 +29,13 @@ pub fn correct_variances(layer: &mut Layer) {
     match &mut layer.variance {
         Some(variance) => {
             let from_samples = box_mean(variance, RADIUS);
-            Zip::from(variance)
-                .and(&from_halves)
-                .and(&from_samples)
-                .par_for_each(|variance, &halves, &samples| {
+            Zip::from(variance).and(&from_halves).and(&from_samples).par_for_each(
+                |variance, &halves, &samples| {
                     if samples > 0.0 {
                         *variance *= halves / samples;
                     }
-                });
+                },
+            );
         }
         None => layer.variance = Some(from_halves),
     }
@@ -63,7 +62,8 @@ pub fn correct(layers: &mut Layers) {
 pub fn complete(layers: &mut Layers) -> Vec<LayerKind> {
     let mut spatial = Vec::new();
     for (&kind, layer) in &mut layers.layers {
-        let single = layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
+        let single =
+            layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
         if layer.variance.is_none() {
             correct_variances(layer);
         }
@@ -104,7 +104,8 @@ mod tests {
 
     /// Repeatable uniform numbers in `[0, 1)`.
     fn uniform(state: &mut u64) -> f64 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        *state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (*state >> 11) as f64 / 9_007_199_254_740_992.0
     }
 
@@ -132,7 +133,11 @@ mod tests {
             let squares: f64 = samples.iter().map(|value| (value - mean) * (value - mean)).sum();
             variance[index] = (squares / (count * (count - 1.0))) as f32;
         }
-        Layer { mean: (&halves[0] + &halves[1]) * 0.5, variance: Some(variance), halves: Some(halves) }
+        Layer {
+            mean: (&halves[0] + &halves[1]) * 0.5,
+            variance: Some(variance),
+            halves: Some(halves),
+        }
     }
 
     fn average(image: &Image) -> f64 {
@@ -183,7 +188,8 @@ mod tests {
         let after = layer.variance.unwrap();
         for (y, x) in [(0, 0), (3, 99), (50, 50), (99, 7)] {
             let mean = |image: &Image| {
-                let (rows, columns) = (crate::window::clipped(y, 10, 100), crate::window::clipped(x, 10, 100));
+                let (rows, columns) =
+                    (crate::window::clipped(y, 10, 100), crate::window::clipped(x, 10, 100));
                 let count = (rows.len() * columns.len()) as f64;
                 let pixels = rows.flat_map(|y| columns.clone().map(move |x| (y, x)));
                 pixels.map(|(y, x)| f64::from(image[[0, y, x]])).sum::<f64>() / count
@@ -206,10 +212,12 @@ mod tests {
     #[test]
     fn pixels_of_one_sample_get_the_spatial_variance() {
         let mean = Image::from_shape_fn((3, 3, 3), |(_, y, x)| (y * 3 + x) as f32);
-        let layer = Layer { variance: Some(Image::from_elem(mean.dim(), 0.25)), mean, halves: None };
+        let layer =
+            Layer { variance: Some(Image::from_elem(mean.dim(), 0.25)), mean, halves: None };
         let mut samples = Image::from_elem((1, 3, 3), 4.0);
         samples[[0, 1, 1]] = 1.0;
-        let mut layers = Layers { width: 3, height: 3, samples: Some(samples), ..Default::default() };
+        let mut layers =
+            Layers { width: 3, height: 3, samples: Some(samples), ..Default::default() };
         layers.layers.insert(LayerKind::Beauty, layer);
         assert_eq!(complete(&mut layers), [LayerKind::Beauty]);
         let variance = layers.layers[&LayerKind::Beauty].variance.as_ref().unwrap();

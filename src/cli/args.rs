@@ -181,7 +181,8 @@ fn size(text: &str) -> Result<(u32, u32), String> {
 }
 
 fn replay(text: &str) -> Result<[u32; 3], String> {
-    let numbers: Vec<u32> = text.split(',').map_while(|number| number.trim().parse().ok()).collect();
+    let numbers: Vec<u32> =
+        text.split(',').map_while(|number| number.trim().parse().ok()).collect();
     numbers.try_into().map_err(|_| "expected three whole numbers: column,row,sample".to_owned())
 }
 

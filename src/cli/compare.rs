@@ -16,7 +16,8 @@ pub(super) fn run(arguments: &Compare) -> Result<(), Failure> {
     let relative_l2 = metrics::relative_l2(&image, &reference).bad_input()?;
     let one_minus_ssim = metrics::one_minus_ssim(&image, &reference).bad_input()?;
     let psnr = metrics::psnr(&image, &reference).bad_input()?;
-    let flip = metrics::flip_map(&image, &reference, metrics::DEFAULT_PIXELS_PER_DEGREE).bad_input()?;
+    let flip =
+        metrics::flip_map(&image, &reference, metrics::DEFAULT_PIXELS_PER_DEGREE).bad_input()?;
     let mean_flip = flip.iter().map(|&error| f64::from(error)).sum::<f64>() / flip.len() as f64;
     if let Some(path) = &arguments.map {
         png::write_map(path, &flip).with_context(|| format!("cannot write {}", path.display()))?;
@@ -32,7 +33,10 @@ pub(super) fn run(arguments: &Compare) -> Result<(), Failure> {
         println!("{json:#}");
         return Ok(());
     }
-    println!("relative L2  {relative_l2:.6e}   mean of (x - r)² / (r² + {}), linear", metrics::RELATIVE_L2_EPSILON);
+    println!(
+        "relative L2  {relative_l2:.6e}   mean of (x - r)² / (r² + {}), linear",
+        metrics::RELATIVE_L2_EPSILON
+    );
     match one_minus_ssim {
         Some(error) => println!("1 - SSIM     {:.6}       sRGB, 11x11 Gaussian window", error),
         None => println!("1 - SSIM     undefined: the image is smaller than 3x3"),
@@ -50,7 +54,12 @@ fn read_layer(path: &Path, name: &str) -> Result<Image, Failure> {
         Some(layer) => Ok(layer.mean),
         None => {
             let known: Vec<&str> = contents.layers.layers.keys().map(|kind| kind.name()).collect();
-            Err(anyhow::anyhow!("{} has no layer {name}; it has {}", path.display(), known.join(", "))).bad_input()
+            Err(anyhow::anyhow!(
+                "{} has no layer {name}; it has {}",
+                path.display(),
+                known.join(", ")
+            ))
+            .bad_input()
         }
     }
 }

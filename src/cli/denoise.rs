@@ -13,7 +13,9 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
     let features = [(LayerKind::Albedo, &arguments.albedo), (LayerKind::Normal, &arguments.normal)];
     let files: Vec<SeparateFile> = features
         .into_iter()
-        .filter_map(|(kind, path)| Some(SeparateFile { kind, role: Role::Mean, path: path.clone()? }))
+        .filter_map(|(kind, path)| {
+            Some(SeparateFile { kind, role: Role::Mean, path: path.clone()? })
+        })
         .collect();
     let contents = exr::read_separate(&arguments.input, &files).bad_input()?;
     let layers = contents.layers;
@@ -27,9 +29,12 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
 
     let output = &arguments.output;
     let png = output.with_extension("png");
-    let options = WriteOptions { picture: Some(&picture), halves: false, frame: Some(contents.frame) };
-    exr::write(output, &layers, &options).with_context(|| format!("cannot write {}", output.display()))?;
-    png::write(&png, &picture, arguments.exposure).with_context(|| format!("cannot write {}", png.display()))?;
+    let options =
+        WriteOptions { picture: Some(&picture), halves: false, frame: Some(contents.frame) };
+    exr::write(output, &layers, &options)
+        .with_context(|| format!("cannot write {}", output.display()))?;
+    png::write(&png, &picture, arguments.exposure)
+        .with_context(|| format!("cannot write {}", png.display()))?;
 
     let used: Vec<String> = layers.layers.keys().map(|kind| kind.name().to_owned()).collect();
     if arguments.json {

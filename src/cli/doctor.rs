@@ -23,7 +23,9 @@ pub(super) fn run() -> Result<(), Failure> {
     println!("threads     {}", rayon::current_num_threads());
     println!("SIMD        {}", crate::geometry::simd_name());
     check().context("the self-test failed")?;
-    println!("self-test   a white furnace was rendered, denoised, written and read back: every pixel is 1");
+    println!(
+        "self-test   a white furnace was rendered, denoised, written and read back: every pixel is 1"
+    );
     Ok(())
 }
 
@@ -38,9 +40,14 @@ fn check() -> anyhow::Result<()> {
     let settings = RenderSettings { samples: 16, integrator, ..RenderSettings::default() };
     let rendered = render(&scene, &settings, &|_| {}, &AtomicBool::new(false));
     ensure!(rendered.invalid_samples == 0, "{} samples were not finite", rendered.invalid_samples);
-    let denoised = bilateral::denoise(&rendered.layers, &bilateral::Parameters::default(), &|_| {})?;
+    let denoised =
+        bilateral::denoise(&rendered.layers, &bilateral::Parameters::default(), &|_| {})?;
     let picture = folder.path().join("furnace.exr");
-    exr::write(&picture, &rendered.layers, &WriteOptions { picture: Some(&denoised.image), halves: true, frame: None })?;
+    exr::write(
+        &picture,
+        &rendered.layers,
+        &WriteOptions { picture: Some(&denoised.image), halves: true, frame: None },
+    )?;
     let noisy = &exr::read(&picture)?.layers.layers[&LayerKind::Beauty].mean;
     for (name, image) in [("rendered", noisy), ("denoised", &denoised.image)] {
         let worst = image.iter().map(|value| (value - 1.0).abs()).fold(0.0, f32::max);

@@ -12,11 +12,16 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
     let scene = load(&arguments.scene)?;
     let requirements = Requirements::of(&scene);
     let parts = scene.geometry.parts();
-    let triangles: usize =
-        parts.iter().map(|part| if let Part::Mesh(mesh) = part { mesh.triangles.len() } else { 0 }).sum();
+    let triangles: usize = parts
+        .iter()
+        .map(|part| if let Part::Mesh(mesh) = part { mesh.triangles.len() } else { 0 })
+        .sum();
     let analytic = parts.iter().filter(|part| !matches!(part, Part::Mesh(_))).count();
-    let layers: Vec<&str> =
-        LayerKind::ALL.into_iter().filter(|&layer| requirements.needs(layer)).map(LayerKind::name).collect();
+    let layers: Vec<&str> = LayerKind::ALL
+        .into_iter()
+        .filter(|&layer| requirements.needs(layer))
+        .map(LayerKind::name)
+        .collect();
     let [_, _, width, height] = scene.film.crop;
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     let film = megabytes(Film::bytes(scene.film, &requirements));
@@ -45,10 +50,20 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
         println!("{json:#}");
         return Ok(());
     }
-    let depth = scene.limits.max_depth.map_or("without limit".to_owned(), |depth| format!("up to {depth} edges"));
+    let depth = scene
+        .limits
+        .max_depth
+        .map_or("without limit".to_owned(), |depth| format!("up to {depth} edges"));
     println!("picture     {width}x{height}, {} samples per pixel, paths {depth}", scene.samples);
-    println!("geometry    {} parts: {triangles} triangles, {analytic} analytic shapes; {tree:.1} MB", parts.len());
-    println!("materials   {}{}", scene.materials.len(), if requirements.has_delta { ", some delta" } else { "" });
+    println!(
+        "geometry    {} parts: {triangles} triangles, {analytic} analytic shapes; {tree:.1} MB",
+        parts.len()
+    );
+    println!(
+        "materials   {}{}",
+        scene.materials.len(),
+        if requirements.has_delta { ", some delta" } else { "" }
+    );
     println!("emitters    {}", scene.emitters.len());
     println!("integrator  path tracing, light and BSDF sampling weighted by the power heuristic");
     println!("layers      {} ({film:.1} MB)", layers.join(", "));

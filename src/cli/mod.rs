@@ -53,7 +53,12 @@ pub fn run() -> ExitCode {
         Command::Inspect(command) => inspect::run(&command),
         Command::Doctor => doctor::run(),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Arguments::command(), "quietlight", &mut std::io::stdout());
+            clap_complete::generate(
+                shell,
+                &mut Arguments::command(),
+                "quietlight",
+                &mut std::io::stdout(),
+            );
             Ok(())
         }
     };

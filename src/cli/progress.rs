@@ -25,10 +25,13 @@ impl Progress {
         let style = ProgressStyle::with_template(&template)
             .expect("the template is a constant that parses")
             .progress_chars("=> ")
-            .with_key("per_sec", |state: &indicatif::ProgressState, out: &mut dyn std::fmt::Write| {
-                // A failed write to the bar's own text shows as a missing figure; there is nobody to tell.
-                let _ = write!(out, "{}/s", human(state.per_sec()));
-            });
+            .with_key(
+                "per_sec",
+                |state: &indicatif::ProgressState, out: &mut dyn std::fmt::Write| {
+                    // A failed write to the bar's own text shows as a missing figure; there is nobody to tell.
+                    let _ = write!(out, "{}/s", human(state.per_sec()));
+                },
+            );
         let bar = ProgressBar::new(total).with_style(style);
         let now = Instant::now();
         let lines = (!std::io::stderr().is_terminal()).then(|| (name, Mutex::new(now)));
@@ -50,7 +53,11 @@ impl Progress {
         let part = done as f64 / self.bar.length().unwrap_or(1).max(1) as f64;
         let elapsed = self.start.elapsed().as_secs_f64();
         let left = elapsed * (1.0 - part) / part.max(1e-9);
-        eprintln!("{name}: {:.0} %, {}/s, {left:.0} s left", 100.0 * part, human(done as f64 / elapsed));
+        eprintln!(
+            "{name}: {:.0} %, {}/s, {left:.0} s left",
+            100.0 * part,
+            human(done as f64 / elapsed)
+        );
     }
 
     /// The work is over; the bar goes away.

@@ -8,8 +8,8 @@ use crate::render::{RenderSettings, Rendered, SamplerKind, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::bilateral;
-use quietlight_denoise::variance::estimated_relative_l2;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
+use quietlight_denoise::variance::estimated_relative_l2;
 use quietlight_denoise::{Image, LayerKind, Layers, png};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -31,7 +31,8 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let (width, height) = (scene.film.crop[2], scene.film.crop[3]);
     let total = u64::from(width) * u64::from(height) * u64::from(settings.samples);
     let progress = Progress::new("render", "samples", total);
-    let mut rendered = threads.install(|| render(&scene, &settings, &|done| progress.at(done), &STOP));
+    let mut rendered =
+        threads.install(|| render(&scene, &settings, &|done| progress.at(done), &STOP));
     progress.finish();
 
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
@@ -54,16 +55,23 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         display_offset: (0, 0),
         display: (scene.film.width as usize, scene.film.height as usize),
     };
-    let options = WriteOptions { picture: denoised.as_ref(), halves: arguments.halves, frame: Some(frame) };
-    exr::write(&output, &rendered.layers, &options).with_context(|| format!("cannot write {}", output.display()))?;
+    let options =
+        WriteOptions { picture: denoised.as_ref(), halves: arguments.halves, frame: Some(frame) };
+    exr::write(&output, &rendered.layers, &options)
+        .with_context(|| format!("cannot write {}", output.display()))?;
     let picture = match &denoised {
         Some(image) => image,
         None => &rendered.layers.layers[&LayerKind::Beauty].mean,
     };
-    png::write(&png, picture, arguments.exposure).with_context(|| format!("cannot write {}", png.display()))?;
+    png::write(&png, picture, arguments.exposure)
+        .with_context(|| format!("cannot write {}", png.display()))?;
 
     let outcome = Outcome { output: &output, png: &png, rendered: &rendered, denoising, noise };
-    if arguments.json { outcome.print_json() } else { outcome.print() }
+    if arguments.json {
+        outcome.print_json()
+    } else {
+        outcome.print()
+    }
     if is_interrupted { Err(Failure::Interrupted) } else { Ok(()) }
 }
 
@@ -104,7 +112,11 @@ fn output_path(arguments: &Render) -> Result<PathBuf, Failure> {
         Some(path) => path.clone(),
         None => {
             let scene = &arguments.scene.scene;
-            let named = if scene.file_stem().is_some_and(|stem| stem == "scene") { scene.parent() } else { None };
+            let named = if scene.file_stem().is_some_and(|stem| stem == "scene") {
+                scene.parent()
+            } else {
+                None
+            };
             let absolute = std::path::absolute(named.unwrap_or(scene)).bad_input()?;
             PathBuf::from(absolute.file_stem().unwrap_or("picture".as_ref())).with_extension("exr")
         }
@@ -116,7 +128,8 @@ fn output_path(arguments: &Render) -> Result<PathBuf, Failure> {
 /// Refuses an output that could not be written, before hours are spent on it.
 pub(super) fn check_output(path: &Path) -> Result<(), Failure> {
     if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("exr")) {
-        return Err(anyhow::anyhow!("the output must be named *.exr, not {}", path.display())).bad_input();
+        return Err(anyhow::anyhow!("the output must be named *.exr, not {}", path.display()))
+            .bad_input();
     }
     let folder = match path.parent() {
         Some(parent) if parent != Path::new("") => parent,
@@ -124,8 +137,13 @@ pub(super) fn check_output(path: &Path) -> Result<(), Failure> {
     };
     match folder.metadata() {
         Ok(facts) if facts.is_dir() && !facts.permissions().readonly() => Ok(()),
-        Ok(_) => Err(anyhow::anyhow!("{} is not a folder that can be written to", folder.display())).bad_input(),
-        Err(error) => Err(error).with_context(|| format!("cannot write into {}", folder.display())).bad_input(),
+        Ok(_) => {
+            Err(anyhow::anyhow!("{} is not a folder that can be written to", folder.display()))
+                .bad_input()
+        }
+        Err(error) => Err(error)
+            .with_context(|| format!("cannot write into {}", folder.display()))
+            .bad_input(),
     }
 }
 
@@ -135,7 +153,9 @@ fn heed_ctrl_c() -> Result<(), Failure> {
         if STOP.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!("\nfinishing this pass, then writing what there is (Ctrl-C again to quit at once)");
+        eprintln!(
+            "\nfinishing this pass, then writing what there is (Ctrl-C again to quit at once)"
+        );
     };
     ctrlc::set_handler(handler).context("cannot heed Ctrl-C").map_err(Failure::Failed)
 }
@@ -159,13 +179,21 @@ pub(super) fn filter(layers: &Layers) -> anyhow::Result<Image> {
     let denoised = denoised?;
     let mended = &denoised.report.sanitised;
     if mended.total() > 0 {
-        eprintln!("warning: {} values of the layers were not usable and were replaced", mended.total());
+        eprintln!(
+            "warning: {} values of the layers were not usable and were replaced",
+            mended.total()
+        );
     }
     Ok(denoised.image)
 }
 
 /// Writes down how the picture was made.
-fn describe(rendered: &mut Rendered, arguments: &Render, settings: &RenderSettings, threads: usize) {
+fn describe(
+    rendered: &mut Rendered,
+    arguments: &Render,
+    settings: &RenderSettings,
+    threads: usize,
+) {
     let facts = [
         ("scene", arguments.scene.scene.display().to_string()),
         ("integrator", "path".to_owned()),
@@ -194,7 +222,8 @@ impl Outcome<'_> {
     /// Samples of the whole picture per second of wall time.
     fn speed(&self) -> f64 {
         let pixels = self.rendered.layers.width * self.rendered.layers.height;
-        pixels as f64 * f64::from(self.rendered.samples) / self.rendered.elapsed.as_secs_f64().max(1e-9)
+        pixels as f64 * f64::from(self.rendered.samples)
+            / self.rendered.elapsed.as_secs_f64().max(1e-9)
     }
 
     fn print(&self) {
@@ -205,7 +234,8 @@ impl Outcome<'_> {
                 rendered.invalid_samples
             );
         }
-        let noise = noise.map_or("unknown with one sample".to_owned(), |noise| format!("{noise:.2e}"));
+        let noise =
+            noise.map_or("unknown with one sample".to_owned(), |noise| format!("{noise:.2e}"));
         println!(
             "{} and {}: {} samples per pixel in {:.1} s ({}samples/s), denoised in {:.1} s; \
              relative L2 of the noise before denoising, from the halves: {noise}",

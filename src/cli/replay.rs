@@ -4,13 +4,21 @@ use super::{BadInput, Failure};
 use crate::render::{RenderSettings, replay};
 use crate::scene::Scene;
 
-pub(super) fn run(scene: &Scene, settings: &RenderSettings, pixel: [u32; 2], sample: u32) -> Result<(), Failure> {
+pub(super) fn run(
+    scene: &Scene,
+    settings: &RenderSettings,
+    pixel: [u32; 2],
+    sample: u32,
+) -> Result<(), Failure> {
     let [x, y] = pixel;
     let (width, height) = (scene.film.width, scene.film.height);
     if x >= width || y >= height {
-        return Err(anyhow::anyhow!("pixel {x},{y} is outside of the {width}x{height} picture")).bad_input();
+        return Err(anyhow::anyhow!("pixel {x},{y} is outside of the {width}x{height} picture"))
+            .bad_input();
     }
-    println!("depth  part  position                                  throughput                      added");
+    println!(
+        "depth  part  position                                  throughput                      added"
+    );
     let found = replay(scene, settings, pixel, sample, |vertex| {
         let position = vertex.at.position.as_dvec3() + scene.origin;
         println!(

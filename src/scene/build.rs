@@ -119,9 +119,9 @@ impl Description {
         let (_, radius) = bounding_sphere(geometry.bounds(), eye);
         Scene {
             geometry,
-            has_masks: surfaces.iter().any(|surface| {
-                !self.materials[surface.material.0 as usize].is_opaque()
-            }),
+            has_masks: surfaces
+                .iter()
+                .any(|surface| !self.materials[surface.material.0 as usize].is_opaque()),
             surfaces,
             materials: self.materials,
             emitters: Emitters::new(emitters, radius),

@@ -32,11 +32,16 @@ const EPSILON: f32 = 1e-10;
 /// Filters the mean and the variance of a feature.
 pub(super) fn prefilter(feature: &Feature) -> Feature {
     let (channels, height, width) = feature.mean.dim();
-    let planes = Planes { feature, mean: standard(&feature.mean), variance: standard(&feature.variance) };
-    let corners: Vec<(usize, usize)> =
-        (0..height).step_by(TILE).flat_map(|y| (0..width).step_by(TILE).map(move |x| (y, x))).collect();
-    let tiles: Vec<Tile> =
-        corners.into_par_iter().map(|corner| vectorise(TileKernel { planes: &planes, corner })).collect();
+    let planes =
+        Planes { feature, mean: standard(&feature.mean), variance: standard(&feature.variance) };
+    let corners: Vec<(usize, usize)> = (0..height)
+        .step_by(TILE)
+        .flat_map(|y| (0..width).step_by(TILE).map(move |x| (y, x)))
+        .collect();
+    let tiles: Vec<Tile> = corners
+        .into_par_iter()
+        .map(|corner| vectorise(TileKernel { planes: &planes, corner }))
+        .collect();
 
     let mut result = feature.clone();
     for tile in tiles {
@@ -45,7 +50,8 @@ pub(super) fn prefilter(feature: &Feature) -> Feature {
                 for (local_x, x) in tile.columns.clone().enumerate() {
                     let at = local_y * TILE + local_x;
                     result.mean[[channel, y, x]] = tile.sums[channel][at] / tile.weight[at];
-                    result.variance[[channel, y, x]] = tile.sums[channels + channel][at] / tile.weight[at];
+                    result.variance[[channel, y, x]] =
+                        tile.sums[channels + channel][at] / tile.weight[at];
                 }
             }
         }
@@ -89,7 +95,11 @@ impl Kernel for TileKernel<'_> {
             weight: vec![0.0; TILE * TILE],
             sums: vec![vec![0.0; TILE * TILE]; 2 * channels],
         };
-        let mut buffers = Buffers { distance: vec![0.0; SIDE * SIDE], rows: vec![0.0; SIDE * SIDE], columns: [0.0; SIDE] };
+        let mut buffers = Buffers {
+            distance: vec![0.0; SIDE * SIDE],
+            rows: vec![0.0; SIDE * SIDE],
+            columns: [0.0; SIDE],
+        };
         let reach = WINDOW as isize;
         for dy in -reach..=reach {
             for dx in -reach..=reach {
@@ -114,7 +124,10 @@ impl Area {
     /// The part within `margin` of the tile.
     #[inline(always)]
     fn near(&self, tile: &Tile, margin: usize) -> Self {
-        Self { rows: overlap(&self.rows, &tile.rows, margin), columns: overlap(&self.columns, &tile.columns, margin) }
+        Self {
+            rows: overlap(&self.rows, &tile.rows, margin),
+            columns: overlap(&self.columns, &tile.columns, margin),
+        }
     }
 }
 
@@ -141,7 +154,12 @@ struct Buffers {
 
 /// Fills `inverse` with one over the number of valid indices within `radius` of each index of `part`.
 #[inline(always)]
-fn inverse_counts<'a>(inverse: &'a mut [f32], valid: &Range<usize>, part: &Range<usize>, radius: usize) -> &'a [f32] {
+fn inverse_counts<'a>(
+    inverse: &'a mut [f32],
+    valid: &Range<usize>,
+    part: &Range<usize>,
+    radius: usize,
+) -> &'a [f32] {
     let inverse = &mut inverse[..part.len()];
     for (index, inverse) in part.clone().zip(&mut *inverse) {
         *inverse = 1.0 / overlap(valid, &(index..index + 1), radius).len() as f32;
@@ -151,7 +169,13 @@ fn inverse_counts<'a>(inverse: &'a mut [f32], valid: &Range<usize>, part: &Range
 
 impl TileKernel<'_> {
     #[inline(always)]
-    fn add_offset(&self, tile: &mut Tile, buffers: &mut Buffers, valid: &Area, (dy, dx): (isize, isize)) {
+    fn add_offset(
+        &self,
+        tile: &mut Tile,
+        buffers: &mut Buffers,
+        valid: &Area,
+        (dy, dx): (isize, isize),
+    ) {
         let (channels, height, width) = self.planes.feature.mean.dim();
         let (mean, variance) = (&self.planes.mean, &self.planes.variance);
         let row = |plane: usize, y: usize, columns: &Range<usize>| {
@@ -191,7 +215,8 @@ impl TileKernel<'_> {
         let columns = inverse_counts(&mut buffers.columns, &valid.columns, &area.columns, PATCH);
         for y in area.rows.clone() {
             let row = 1.0 / overlap(&valid.rows, &(y..y + 1), PATCH).len() as f32;
-            for (value, column) in buffers.distance[local(y, &area.columns)].iter_mut().zip(columns) {
+            for (value, column) in buffers.distance[local(y, &area.columns)].iter_mut().zip(columns)
+            {
                 *value = exp_negative(*value * (row * column));
             }
         }
@@ -200,14 +225,21 @@ impl TileKernel<'_> {
         // Mean of the weights, then the sums.
         box_sum::<SMOOTHING>(buffers);
         let area = valid.near(tile, 0);
-        let columns = inverse_counts(&mut buffers.columns, &valid.columns, &area.columns, SMOOTHING);
+        let columns =
+            inverse_counts(&mut buffers.columns, &valid.columns, &area.columns, SMOOTHING);
         for y in area.rows.clone() {
             let row_count = 1.0 / overlap(&valid.rows, &(y..y + 1), SMOOTHING).len() as f32;
             let weights = &mut buffers.distance[local(y, &area.columns)];
-            weights.iter_mut().zip(columns).for_each(|(weight, column)| *weight *= row_count * column);
+            weights
+                .iter_mut()
+                .zip(columns)
+                .for_each(|(weight, column)| *weight *= row_count * column);
             let start = (y - top) * TILE + area.columns.start - left;
             let at = start..start + area.columns.len();
-            tile.weight[at.clone()].iter_mut().zip(&*weights).for_each(|(sum, weight)| *sum += weight);
+            tile.weight[at.clone()]
+                .iter_mut()
+                .zip(&*weights)
+                .for_each(|(sum, weight)| *sum += weight);
             for channel in 0..channels {
                 let there = partner(&row(channel, y, &area.columns));
                 for (source, sums) in [(mean, channel), (variance, channels + channel)] {
