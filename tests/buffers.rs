@@ -86,7 +86,7 @@ fn point_lit_floor(max_depth: i32) -> Scene {
 #[test]
 fn the_light_is_split_alike_by_every_strategy() {
     // METHODS 8.1: light samples are split by the parts of the scattering, walks by the parts of their weight.
-    let scene = still_life(32);
+    let scene = still_life(48);
     let [light, bsdf, both] = [(Light, 4), (Bsdf, 5), (Mis, 6)]
         .map(|(strategy, seed)| render_finite(&scene, &settings(256, seed, strategy)));
     assert_equal_energy_of(
@@ -500,13 +500,23 @@ fn the_reported_variance_is_that_of_the_mean() {
 
 #[test]
 fn stratified_samples_have_less_variance_and_say_so() {
+    // Direct light of a large emitter on a floor: two smooth integrals over two numbers each.
+    let scene = scene_around(
+        11,
+        40.0,
+        2,
+        r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-2"/></transform>
+        <bsdf type="diffuse"/></shape>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="180"/><scale value="2"/>
+        <translate x="1" z="1"/></transform><emitter type="area"><rgb name="radiance" value="3"/></emitter></shape>"#,
+    );
     let sum = |sampler| -> f64 {
-        let scene = still_life(11);
         let rendered = render_finite(&scene, &RenderSettings { sampler, ..settings(64, 14, Mis) });
         layer(&rendered, LayerKind::Diffuse).1.iter().map(|&value| f64::from(value)).sum()
     };
+    // Points of a (0, 2)-sequence integrate it at n^-3 instead of n^-1; at half of 64 that is far more than the half.
     let (sobol, independent) = (sum(SamplerKind::Sobol), sum(SamplerKind::Independent));
-    assert!(sobol < 0.7 * independent, "{sobol} and {independent}");
+    assert!(sobol < 0.5 * independent, "{sobol} and {independent}");
 }
 
 #[test]

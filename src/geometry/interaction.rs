@@ -44,6 +44,13 @@ impl Interaction {
         Ray::new(offset_point(self.position, self.error, self.normal, direction), direction)
     }
 
+    /// A ray to `target`, where its parameter is 1, from a point moved off the surface as by [`Interaction::spawn`]. It is
+    /// aimed from there: a parallel ray would pass beside the target, and meet a round emitter too early at its rim.
+    pub fn spawn_to(&self, target: Vec3) -> Ray {
+        let origin = offset_point(self.position, self.error, self.normal, target - self.position);
+        Ray::new(origin, target - origin)
+    }
+
     /// At barycentric weights `u`, `v` of the second and third corner of a mesh's triangle.
     pub(super) fn on_triangle(part: u32, mesh: &Mesh, triangle: usize, u: f32, v: f32) -> Self {
         let indices = mesh.triangles[triangle].map(|index| index as usize);
@@ -53,7 +60,7 @@ impl Interaction {
         let position = a + (along + across);
         // Edge, product and sum round once each, on the way to a last sum; any weights give a point of the plane.
         let size = ab.abs().max_element().max(ac.abs().max_element());
-        let (normal, double_area) = face(a, b, c);
+        let (normal, double_area) = face([a, b, c], size);
         let slenderness = (size * size / double_area).min(MOST_SLENDER);
         let error = (along.abs() + across.abs()) * gamma(3)
             + position.abs() * gamma(1)
@@ -84,11 +91,27 @@ impl Interaction {
     }
 }
 
-/// The unit normal of a triangle, counter-clockwise seen from its tip, and twice its area. In f64: squares of f32 underflow
-/// on triangles of 1e-10.
-fn face(a: Vec3, b: Vec3, c: Vec3) -> (Vec3, f32) {
-    let origin = a.as_dvec3();
-    let across = (b.as_dvec3() - origin).cross(c.as_dvec3() - origin);
+/// The unit normal of a triangle, counter-clockwise seen from its tip, and twice its area.
+///
+/// The edges are scaled to a size of 1 first, so that squares of short ones do not underflow. Single precision loses as
+/// many digits as the triangle is slender; below a sine of 1e-3 between the edges the product is computed again in f64.
+#[inline]
+fn face([a, b, c]: [Vec3; 3], size: f32) -> (Vec3, f32) {
+    let scale = 1.0 / size;
+    let across = ((b - a) * scale).cross((c - a) * scale);
+    let squared = across.length_squared();
+    if squared > 1e-6 && squared.is_finite() {
+        let length = squared.sqrt();
+        (across / length, length * size * size)
+    } else {
+        slender_face([a, b, c])
+    }
+}
+
+#[cold]
+fn slender_face(corners: [Vec3; 3]) -> (Vec3, f32) {
+    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+    let across = (b - a).cross(c - a);
     (across.normalize_or(DVec3::Z).as_vec3(), across.length() as f32)
 }
 
@@ -109,8 +132,9 @@ fn surface_coordinates(
     let (uv_ab, uv_ac) = (b - a, c - a);
     let uv = a + uv_ab * u + uv_ac * v;
     let determinant = uv_ab.perp_dot(uv_ac);
-    let dp_du = (ab * uv_ac.y - ac * uv_ab.y) / determinant;
-    let dp_dv = (ac * uv_ab.x - ab * uv_ac.x) / determinant;
+    let reciprocal = 1.0 / determinant;
+    let dp_du = (ab * uv_ac.y - ac * uv_ab.y) * reciprocal;
+    let dp_dv = (ac * uv_ab.x - ab * uv_ac.x) * reciprocal;
     if dp_du.is_finite() && dp_dv.is_finite() { (uv, dp_du, dp_dv) } else { (uv, ab, ac) }
 }
 

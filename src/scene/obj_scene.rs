@@ -17,7 +17,6 @@ use std::path::{Path, PathBuf};
 /// The film where nothing else is asked for.
 const SIZE: (u32, u32) = (512, 512);
 const SAMPLES: u32 = 64;
-const RR_DEPTH: u32 = 5;
 /// Field of view of the shorter side of the film, in degrees.
 const FOV: f64 = 40.0;
 /// How much deeper than wide a scene must be before it is looked at from the side.
@@ -96,7 +95,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Description, Sc
         lights,
         camera: camera(low, high, [width, height]),
         film: FilmSettings { width, height, crop: [0, 0, width, height] },
-        limits: PathLimits { max_depth: None, rr_depth: RR_DEPTH, hide_emitters: false },
+        limits: PathLimits {
+            max_depth: None,
+            rr_depth: PathLimits::DEFAULT_RR_DEPTH,
+            hide_emitters: false,
+        },
         samples: SAMPLES,
         warnings,
     })

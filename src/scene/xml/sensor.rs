@@ -13,8 +13,6 @@ const MAX_PIXELS: u64 = 1 << 27;
 const DEFAULT_SIZE: (u32, u32) = (768, 576);
 /// Mitsuba's samples per pixel where a scene names none.
 const DEFAULT_SAMPLES: u32 = 4;
-/// Mitsuba's depth at which Russian roulette starts.
-const DEFAULT_RR_DEPTH: u32 = 5;
 
 /// What a sensor says.
 pub(super) struct Sensor {
@@ -257,7 +255,7 @@ fn sampler(document: &Document, id: PluginId) -> Result<u32, SceneError> {
 
 /// The limits of Mitsuba's `path` where a scene names no integrator.
 pub(super) const DEFAULT_LIMITS: PathLimits =
-    PathLimits { max_depth: None, rr_depth: DEFAULT_RR_DEPTH, hide_emitters: false };
+    PathLimits { max_depth: None, rr_depth: PathLimits::DEFAULT_RR_DEPTH, hide_emitters: false };
 
 /// How long paths may be, from a `path` or `direct` integrator.
 ///
@@ -283,7 +281,8 @@ pub(super) fn integrator(
                     )
                 })?),
             };
-            let depth = properties.integer("rr_depth")?.unwrap_or(DEFAULT_RR_DEPTH.into());
+            let depth =
+                properties.integer("rr_depth")?.unwrap_or(PathLimits::DEFAULT_RR_DEPTH.into());
             let valid = u32::try_from(depth).ok().filter(|depth| *depth > 0);
             limits.rr_depth = valid
                 .ok_or_else(|| properties.wrong("rr_depth", depth.to_string(), "at least 1"))?;
