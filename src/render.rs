@@ -99,7 +99,6 @@ pub fn render(
         variance::correct(&mut layers);
     }
     Rendered { layers, samples, invalid_samples: film.invalid_samples(), elapsed: start.elapsed() }
-    Rendered { layers, samples, invalid_samples: film.invalid_samples(), elapsed: start.elapsed() }
 }
 
 /// Samples per pixel of the next pass: about `settings.pass` long by the speed so far, and no more than are left. The
