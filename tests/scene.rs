@@ -4,7 +4,7 @@ mod mistakes;
 
 use glam::{DVec3, Vec2, Vec3};
 use quietlight::geometry::{Interaction, Part};
-use quietlight::scene::{LoadOptions, Scene, SceneError};
+use quietlight::scene::{LoadOptions, PathLimits, Scene, SceneError};
 use std::error::Error;
 use std::fs;
 use tempfile::TempDir;
@@ -128,7 +128,7 @@ fn what_is_left_out_is_as_in_mitsuba() {
         .expect("a scene");
     assert_eq!(
         (scene.limits.max_depth, scene.limits.rr_depth, scene.limits.hide_emitters),
-        (None, 5, false)
+        (None, PathLimits::DEFAULT_RR_DEPTH, false)
     );
     assert_eq!((scene.samples, scene.film.crop), (4, [0, 0, 200, 100]));
     let at = look(&scene, CENTER).expect("a hit");
