@@ -126,10 +126,11 @@ fn environment_map(
     let location = properties.location_of("filename");
     let image = Image::load(&path, false).map_err(|error| SceneError::asset(location, error))?;
     let size = [image.width as usize, image.height as usize];
+    let broken = image.broken;
     let map = EnvironmentMap::new(size, image.into_linear(), scale as f32, to_world)
         .map_err(|error| SceneError::asset(properties.location(), error))?;
-    if map.invalid_texels() > 0 {
-        let count = map.invalid_texels();
+    let count = broken + map.invalid_texels();
+    if count > 0 {
         warnings.push(format!(
             "{}: {count} texels are negative, too large or no number",
             path.display()
