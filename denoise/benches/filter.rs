@@ -40,7 +40,9 @@ fn filter_tile(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("bilateral");
     group.throughput(Throughput::Elements(64 * 64));
     group.sample_size(20);
-    group.bench_function("filter", |bencher| bencher.iter(|| prepared.filter(black_box(&parameters), &|_| ())));
+    group.bench_function("filter", |bencher| {
+        bencher.iter(|| prepared.filter(black_box(&parameters), &|_| ()))
+    });
     group.finish();
 }
 

@@ -31,8 +31,9 @@ pub fn sanitise(layers: &mut Layers) -> Sanitised {
         for mean in means {
             if kind.is_radiance() {
                 let finite = |value: &f32| value.is_finite();
-                counts.radiance +=
-                    replace(mean, f32::is_finite, |values| median(values.filter(finite)).unwrap_or(0.0));
+                counts.radiance += replace(mean, f32::is_finite, |values| {
+                    median(values.filter(finite)).unwrap_or(0.0)
+                });
                 counts.radiance += clamp(mean, LARGEST_VALUE);
             } else {
                 counts.features += replace(mean, f32::is_finite, |_| 0.0);
@@ -41,7 +42,9 @@ pub fn sanitise(layers: &mut Layers) -> Sanitised {
         }
         if let Some(variance) = &mut layer.variance {
             let good = |value: f32| value.is_finite() && value >= 0.0;
-            counts.variance += replace(variance, good, |values| values.filter(|&value| good(value)).fold(0.0, f32::max));
+            counts.variance += replace(variance, good, |values| {
+                values.filter(|&value| good(value)).fold(0.0, f32::max)
+            });
             counts.variance += clamp(variance, LARGEST_VARIANCE);
         }
     }
@@ -56,7 +59,9 @@ fn replace(
 ) -> usize {
     let bad = image.indexed_iter().filter(|(_, value)| !good(**value));
     let mended: Vec<_> = bad
-        .map(|((channel, y, x), _)| ([channel, y, x], mend(&mut neighbourhood(image, channel, y, x))))
+        .map(|((channel, y, x), _)| {
+            ([channel, y, x], mend(&mut neighbourhood(image, channel, y, x)))
+        })
         .collect();
     for &(index, value) in &mended {
         image[index] = value;
@@ -89,7 +94,8 @@ mod tests {
 
     #[test]
     fn radiance_becomes_the_median_of_its_finite_neighbours() {
-        let mut layers = layers(LayerKind::Beauty, [1.0, 5.0, 2.0, INF, NAN, 4.0, -3.0, 8.0, 1e30], [1.0; 9]);
+        let mut layers =
+            layers(LayerKind::Beauty, [1.0, 5.0, 2.0, INF, NAN, 4.0, -3.0, 8.0, 1e30], [1.0; 9]);
         let counts = sanitise(&mut layers);
         // The middle sees 1, 5, 2, 4, −3, 8 and 1e30, whose median is 4; the left one sees 1, 5, −3 and 8.
         let mended = layers.layers[&LayerKind::Beauty].mean.iter().copied().collect::<Vec<_>>();
@@ -102,7 +108,12 @@ mod tests {
         let variance = [NAN, 1.0, 2.0, 3.0, -1.0, 4.0, INF, 6.0, 0.0];
         let mut layers = layers(LayerKind::Diffuse, [0.0; 9], variance);
         let counts = sanitise(&mut layers);
-        let mended = layers.layers[&LayerKind::Diffuse].variance.iter().flatten().copied().collect::<Vec<_>>();
+        let mended = layers.layers[&LayerKind::Diffuse]
+            .variance
+            .iter()
+            .flatten()
+            .copied()
+            .collect::<Vec<_>>();
         assert_eq!(mended, [3.0, 1.0, 2.0, 3.0, 6.0, 4.0, 6.0, 6.0, 0.0]);
         assert_eq!(counts, Sanitised { radiance: 0, variance: 3, features: 0 });
     }
@@ -122,6 +133,8 @@ mod tests {
         let mut layers = layers(LayerKind::Beauty, [NAN; 9], [NAN; 9]);
         assert_eq!(sanitise(&mut layers).radiance, 9);
         let layer = &layers.layers[&LayerKind::Beauty];
-        assert!(layer.mean.iter().chain(layer.variance.iter().flatten()).all(|&value| value == 0.0));
+        assert!(
+            layer.mean.iter().chain(layer.variance.iter().flatten()).all(|&value| value == 0.0)
+        );
     }
 }

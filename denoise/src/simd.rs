@@ -5,7 +5,10 @@
 //! times. All give the same bits: the same operations in the same order; fused multiply-adds, which round differently,
 //! are not used.
 
-#![allow(unsafe_code, reason = "calling a function compiled for AVX is unsafe where AVX is not known to exist")]
+#![allow(
+    unsafe_code,
+    reason = "calling a function compiled for AVX is unsafe where AVX is not known to exist"
+)]
 
 /// A computation over arrays. `run` and all it calls must be `#[inline(always)]`: what is not inlined stays compiled
 /// for the smallest processor.

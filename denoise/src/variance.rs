@@ -27,10 +27,9 @@ pub fn correct_variances(layer: &mut Layer) {
     match &mut layer.variance {
         Some(variance) => {
             let from_samples = box_mean(variance, RADIUS);
-            Zip::from(variance)
-                .and(&from_halves)
-                .and(&from_samples)
-                .par_for_each(|variance, &halves, &samples| *variance *= halves / (samples + 1e-10));
+            Zip::from(variance).and(&from_halves).and(&from_samples).par_for_each(
+                |variance, &halves, &samples| *variance *= halves / (samples + 1e-10),
+            );
         }
         None => layer.variance = Some(from_halves),
     }
@@ -52,7 +51,8 @@ pub fn spatial_variance(image: &Image) -> Image {
 pub fn prepare(layers: &mut Layers) -> Vec<LayerKind> {
     let mut spatial = Vec::new();
     for (&kind, layer) in &mut layers.layers {
-        let single = layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
+        let single =
+            layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
         correct_variances(layer);
         match (&mut layer.variance, single) {
             (None, _) => {
@@ -80,7 +80,8 @@ mod tests {
 
     /// Repeatable uniform numbers in `[0, 1)`.
     fn uniform(state: &mut u64) -> f64 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        *state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (*state >> 11) as f64 / 9_007_199_254_740_992.0
     }
 
@@ -108,7 +109,11 @@ mod tests {
             let squares: f64 = samples.iter().map(|value| (value - mean) * (value - mean)).sum();
             variance[index] = (squares / (count * (count - 1.0))) as f32;
         }
-        Layer { mean: (&halves[0] + &halves[1]) * 0.5, variance: Some(variance), halves: Some(halves) }
+        Layer {
+            mean: (&halves[0] + &halves[1]) * 0.5,
+            variance: Some(variance),
+            halves: Some(halves),
+        }
     }
 
     fn average(image: &Image) -> f64 {
@@ -136,14 +141,18 @@ mod tests {
     #[test]
     fn the_corrected_variance_is_that_of_the_mean() {
         // Independent samples: 1/12 over their number. Stratified ones: each of n strata has (1/n)²/12, the mean of both
-        // halves 1/(12 n² · 2 n), which the film overestimates n² times. The bounds are as above; the box's clipped
-        // borders weigh a few pixels more, for which a fifth is added.
+        // halves v = 1/(12 n² · 2 n), which the film takes for (1/12 − v) / (2 n − 1). The bounds are as above; the box's
+        // clipped borders weigh a few pixels more, for which a fifth is added.
         for (n, stratified) in [(8, false), (8, true), (2, true)] {
             let mut layer = layer(n, stratified, 5);
             let independent = 1.0 / 12.0 / (2.0 * n as f64);
             let expected = if stratified { independent / (n * n) as f64 } else { independent };
             let before = average(layer.variance.as_ref().unwrap());
-            assert!((before / independent - 1.0).abs() < 0.2, "{before}");
+            let film = (1.0 / 12.0 - expected) / (2.0 * n as f64 - 1.0);
+            assert!(
+                (before / film - 1.0).abs() < 0.02,
+                "{n} {stratified}: {before} instead of {film}"
+            );
             correct_variances(&mut layer);
             let ratio = average(layer.variance.as_ref().unwrap()) / expected;
             assert!((ratio - 1.0).abs() < 1.2 * 4.0 * 0.0142, "{n} {stratified}: {ratio}");
@@ -159,7 +168,8 @@ mod tests {
         let after = layer.variance.unwrap();
         for (y, x) in [(0, 0), (3, 99), (50, 50), (99, 7)] {
             let mean = |image: &Image| {
-                let (rows, columns) = (crate::window::clipped(y, 10, 100), crate::window::clipped(x, 10, 100));
+                let (rows, columns) =
+                    (crate::window::clipped(y, 10, 100), crate::window::clipped(x, 10, 100));
                 let count = (rows.len() * columns.len()) as f64;
                 let pixels = rows.flat_map(|y| columns.clone().map(move |x| (y, x)));
                 pixels.map(|(y, x)| f64::from(image[[0, y, x]])).sum::<f64>() / count
@@ -182,10 +192,12 @@ mod tests {
     #[test]
     fn pixels_of_one_sample_get_the_spatial_variance() {
         let mean = Image::from_shape_fn((3, 3, 3), |(_, y, x)| (y * 3 + x) as f32);
-        let layer = Layer { variance: Some(Image::from_elem(mean.dim(), 0.25)), mean, halves: None };
+        let layer =
+            Layer { variance: Some(Image::from_elem(mean.dim(), 0.25)), mean, halves: None };
         let mut samples = Image::from_elem((1, 3, 3), 4.0);
         samples[[0, 1, 1]] = 1.0;
-        let mut layers = Layers { width: 3, height: 3, samples: Some(samples), ..Default::default() };
+        let mut layers =
+            Layers { width: 3, height: 3, samples: Some(samples), ..Default::default() };
         layers.layers.insert(LayerKind::Beauty, layer);
         assert_eq!(prepare(&mut layers), [LayerKind::Beauty]);
         let variance = layers.layers[&LayerKind::Beauty].variance.as_ref().unwrap();

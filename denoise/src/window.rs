@@ -21,7 +21,9 @@ where
     F: Fn(T, T) -> T + Send + Sync,
 {
     let height = plane.len() / width;
-    let merge = |row: &mut [T], with: &[T]| row.iter_mut().zip(with).for_each(|(a, &b)| *a = combine(*a, b));
+    let merge = |row: &mut [T], with: &[T]| {
+        row.iter_mut().zip(with).for_each(|(a, &b)| *a = combine(*a, b))
+    };
 
     let mut rows = plane.to_vec();
     rows.par_chunks_mut(width).zip(plane.par_chunks(width)).for_each(|(row, source)| {
@@ -46,7 +48,8 @@ pub(crate) fn box_mean(image: &Image, radius: usize) -> Image {
     for channel in 0..channels {
         let sums = fold(&plane(image, channel), width, radius, |a, b| a + b);
         means.extend(sums.iter().enumerate().map(|(index, sum)| {
-            let count = clipped(index % width, radius, width).len() * clipped(index / width, radius, height).len();
+            let count = clipped(index % width, radius, width).len()
+                * clipped(index / width, radius, height).len();
             sum / count as f32
         }));
     }
@@ -59,9 +62,15 @@ pub(crate) fn plane(image: &Image, channel: usize) -> Vec<f32> {
 }
 
 /// The values of the 3×3 window around a pixel, as many as lie in the image.
-pub(crate) fn neighbourhood(image: &Image, channel: usize, y: usize, x: usize) -> impl Iterator<Item = f32> {
+pub(crate) fn neighbourhood(
+    image: &Image,
+    channel: usize,
+    y: usize,
+    x: usize,
+) -> impl Iterator<Item = f32> {
     let (_, height, width) = image.dim();
-    clipped(y, 1, height).flat_map(move |y| clipped(x, 1, width).map(move |x| image[[channel, y, x]]))
+    clipped(y, 1, height)
+        .flat_map(move |y| clipped(x, 1, width).map(move |x| image[[channel, y, x]]))
 }
 
 /// Median of at most nine finite numbers, the mean of the two middle ones where their number is even.
@@ -88,7 +97,8 @@ mod tests {
     #[test]
     fn a_fold_equals_the_double_loop() {
         let (height, width) = (6, 9);
-        let plane: Vec<f64> = (0..height * width).map(|index| f64::from((index * 37 % 53) as u32)).collect();
+        let plane: Vec<f64> =
+            (0..height * width).map(|index| f64::from((index * 37 % 53) as u32)).collect();
         for radius in [0, 1, 4, 20] {
             let sums = fold(&plane, width, radius, |a, b| a + b);
             let largest = fold(&plane, width, radius, f64::max);

@@ -5,8 +5,13 @@ use ndarray::{Axis, Zip};
 use crate::layers::{Image, Layer, LayerKind, Layers};
 
 /// The layers that the filter compares, in the order of its parameters λ₁ to λ₅.
-pub const GROUPS: [LayerKind; 5] =
-    [LayerKind::Position, LayerKind::Normal, LayerKind::Albedo, LayerKind::Texture2, LayerKind::Visibility];
+pub const GROUPS: [LayerKind; 5] = [
+    LayerKind::Position,
+    LayerKind::Normal,
+    LayerKind::Albedo,
+    LayerKind::Texture2,
+    LayerKind::Visibility,
+];
 
 /// One group: means and variances of the mean, `[channels, height, width]` each.
 #[derive(Clone, Debug)]
@@ -33,16 +38,28 @@ pub(super) fn features(layers: &Layers) -> Vec<Feature> {
 /// Maps positions into `[0, 1]³` by the box of what is seen, the same scale on all three axes: its longest side
 /// becomes 1. Pixels that see nothing (position exactly 0) do not count for the box and are clamped to it.
 fn normalise_position(mean: &mut Image, variance: &mut Image) {
-    let seen: Vec<bool> = mean.lanes(Axis(0)).into_iter().map(|point| point.iter().any(|&value| value != 0.0)).collect();
+    let seen: Vec<bool> = mean
+        .lanes(Axis(0))
+        .into_iter()
+        .map(|point| point.iter().any(|&value| value != 0.0))
+        .collect();
     let bounds = |plane: ndarray::ArrayView2<'_, f32>| {
-        let values = plane.into_iter().zip(&seen).filter(|(_, seen)| **seen).map(|(&value, _)| f64::from(value));
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+        let values = plane
+            .into_iter()
+            .zip(&seen)
+            .filter(|(_, seen)| **seen)
+            .map(|(&value, _)| f64::from(value));
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(value), high.max(value))
+        })
     };
     let bounds: Vec<(f64, f64)> = mean.axis_iter(Axis(0)).map(bounds).collect();
     let side = bounds.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
     // A box that is a point (or empty) says nothing: all distances are 0.
     let scale = if side > 0.0 { 1.0 / side } else { 0.0 };
-    for ((mut mean, mut variance), (low, _)) in mean.axis_iter_mut(Axis(0)).zip(variance.axis_iter_mut(Axis(0))).zip(bounds) {
+    for ((mut mean, mut variance), (low, _)) in
+        mean.axis_iter_mut(Axis(0)).zip(variance.axis_iter_mut(Axis(0))).zip(bounds)
+    {
         Zip::from(&mut mean).and(&mut variance).for_each(|mean, variance| {
             let relative = if scale > 0.0 { (f64::from(*mean) - low) * scale } else { 0.0 };
             *mean = relative.clamp(0.0, 1.0) as f32;

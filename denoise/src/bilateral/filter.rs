@@ -77,8 +77,10 @@ struct Group {
 impl Stack {
     pub(super) fn new(colour: &Image, variance: &Image, features: &[Feature]) -> Self {
         let (_, height, width) = colour.dim();
-        let mut sources: Vec<(&Image, usize)> =
-            [colour, variance].into_iter().flat_map(|image| (0..3).map(move |channel| (image, channel))).collect();
+        let mut sources: Vec<(&Image, usize)> = [colour, variance]
+            .into_iter()
+            .flat_map(|image| (0..3).map(move |channel| (image, channel)))
+            .collect();
         let mut groups = Vec::new();
         let channels: usize = features.iter().map(|feature| feature.mean.dim().0).sum();
         for feature in features {
@@ -107,7 +109,11 @@ impl Stack {
         });
         let bounds = std::array::from_fn(|index| {
             let plane = plane(colour, index % 3);
-            if index < 3 { fold(&plane, width, LARGEST_RADIUS, f32::min) } else { fold(&plane, width, LARGEST_RADIUS, f32::max) }
+            if index < 3 {
+                fold(&plane, width, LARGEST_RADIUS, f32::min)
+            } else {
+                fold(&plane, width, LARGEST_RADIUS, f32::max)
+            }
         });
         Self { width, height, planes, stride, groups, values, bounds }
     }
@@ -123,7 +129,8 @@ impl Stack {
     }
 
     fn image_of_rows(&self, rows: Vec<f32>) -> Image {
-        let mut image = Image::from_shape_vec((self.height, 3, self.width), rows).expect("three rows for each row");
+        let mut image = Image::from_shape_vec((self.height, 3, self.width), rows)
+            .expect("three rows for each row");
         image.swap_axes(0, 1);
         image.as_standard_layout().into_owned()
     }
@@ -160,7 +167,8 @@ impl Kernel for RowKernel<'_> {
                 let bounds = |side: usize| &stack.bounds[3 * side + channel][y * stack.width..];
                 let (low, high) = (&bounds(0)[pixels.clone()], &bounds(1)[pixels.clone()]);
                 let out = &mut out[channel * stack.width..][pixels];
-                for (((out, colour), &low), &high) in out.iter_mut().zip(colour).zip(low).zip(high) {
+                for (((out, colour), &low), &high) in out.iter_mut().zip(colour).zip(low).zip(high)
+                {
                     *out = colour.clamp(low, high);
                 }
             }
@@ -193,7 +201,9 @@ impl<'a> Block<'a> {
         let lambda = |index: usize| -> Row {
             match &parameters.lambda {
                 Lambda::Constant(values) => [values[index]; BLOCK],
-                Lambda::PerPixel(image) => std::array::from_fn(|pixel| image[[index, y, (x + pixel).min(stack.width - 1)]]),
+                Lambda::PerPixel(image) => {
+                    std::array::from_fn(|pixel| image[[index, y, (x + pixel).min(stack.width - 1)]])
+                }
             }
         };
         let inside = LARGEST_RADIUS..stack.width + LARGEST_RADIUS;
@@ -207,7 +217,9 @@ impl<'a> Block<'a> {
             scales: [[0.0; BLOCK]; MOST_CHANNELS],
             variance: [[0.0; BLOCK]; 3],
             border: std::array::from_fn(|tap| {
-                std::array::from_fn(|pixel| if inside.contains(&(x + pixel + tap)) { 0.0 } else { f32::INFINITY })
+                std::array::from_fn(|pixel| {
+                    if inside.contains(&(x + pixel + tap)) { 0.0 } else { f32::INFINITY }
+                })
             }),
         };
         for (channel, variance) in block.variance.iter_mut().enumerate() {
@@ -218,7 +230,9 @@ impl<'a> Block<'a> {
             let lambda = lambda(group.lambda);
             for (channel, scale) in (0..group.channels).zip(&mut scales) {
                 let variance = stack.pixels(y, group.variance_plane + channel, x);
-                *scale = std::array::from_fn(|pixel| (lambda[pixel] / variance[pixel].max(FEATURE_FLOOR)).sqrt());
+                *scale = std::array::from_fn(|pixel| {
+                    (lambda[pixel] / variance[pixel].max(FEATURE_FLOOR)).sqrt()
+                });
             }
         }
         block
@@ -261,7 +275,11 @@ impl<'a> Block<'a> {
             let border = border.get(tap).unwrap_or(&[f32::INFINITY; BLOCK]);
             for pixel in 0..BLOCK {
                 // 0 · ∞ must not arise.
-                distance[pixel] = if dx > reach { squared } else { self.spatial_lambda[pixel] * squared + border[pixel] };
+                distance[pixel] = if dx > reach {
+                    squared
+                } else {
+                    self.spatial_lambda[pixel] * squared + border[pixel]
+                };
             }
         }
     }
@@ -275,13 +293,16 @@ impl<'a> Block<'a> {
         neighbour_y: usize,
         (group, scales): (&Group, &[Row]),
     ) {
-        let centre: [&Row; CHANNELS] =
-            std::array::from_fn(|channel| self.stack.pixels(self.y, group.mean_plane + channel, self.x));
+        let centre: [&Row; CHANNELS] = std::array::from_fn(|channel| {
+            self.stack.pixels(self.y, group.mean_plane + channel, self.x)
+        });
         let scales: [&Row; CHANNELS] = std::array::from_fn(|channel| &scales[channel]);
-        let neighbours: [&[f32]; CHANNELS] =
-            std::array::from_fn(|channel| self.neighbours(reach, neighbour_y, group.mean_plane + channel));
+        let neighbours: [&[f32]; CHANNELS] = std::array::from_fn(|channel| {
+            self.neighbours(reach, neighbour_y, group.mean_plane + channel)
+        });
         for (step, distances) in distances.as_chunks_mut::<TOGETHER>().0.iter_mut().enumerate() {
-            let window = neighbours.map(|row| first::<{ BLOCK + TOGETHER - 1 }>(&row[step * TOGETHER..]));
+            let window =
+                neighbours.map(|row| first::<{ BLOCK + TOGETHER - 1 }>(&row[step * TOGETHER..]));
             add_squares(distances, window, centre, scales);
         }
     }
@@ -290,16 +311,20 @@ impl<'a> Block<'a> {
     #[inline(always)]
     fn weigh(&self, distances: &[Row], reach: usize, neighbour_y: usize) -> Sums {
         const PAIR: usize = 2;
-        let planes: [&[f32]; 6] = std::array::from_fn(|plane| self.neighbours(reach, neighbour_y, plane));
+        let planes: [&[f32]; 6] =
+            std::array::from_fn(|plane| self.neighbours(reach, neighbour_y, plane));
         let centre = Colours {
             mean: std::array::from_fn(|channel| self.stack.pixels(self.y, channel, self.x)),
             variance: self.variance.each_ref(),
         };
         let mut sums = Sums::default();
         for (step, distances) in distances.as_chunks::<PAIR>().0.iter().enumerate() {
-            let window = |plane: usize| first::<{ BLOCK + PAIR - 1 }>(&planes[plane][step * PAIR..]);
-            let neighbours =
-                Colours { mean: std::array::from_fn(window), variance: std::array::from_fn(|plane| window(3 + plane)) };
+            let window =
+                |plane: usize| first::<{ BLOCK + PAIR - 1 }>(&planes[plane][step * PAIR..]);
+            let neighbours = Colours {
+                mean: std::array::from_fn(window),
+                variance: std::array::from_fn(|plane| window(3 + plane)),
+            };
             add_weights(&mut sums, distances, &neighbours, &centre, self.colour_lambda);
         }
         sums
@@ -348,7 +373,9 @@ impl Default for Sums {
 impl Sums {
     #[inline(always)]
     fn add(&mut self, other: &Self) {
-        let add = |sum: &mut Row, other: &Row| sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
+        let add = |sum: &mut Row, other: &Row| {
+            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other)
+        };
         add(&mut self.weight, &other.weight);
         self.colours.iter_mut().zip(&other.colours).for_each(|(sum, other)| add(sum, other));
     }
@@ -372,7 +399,8 @@ fn add_squares<const CHANNELS: usize>(
         for tap in 0..TOGETHER {
             let mut sum = distances[tap][pixel];
             for channel in 0..CHANNELS {
-                let difference = (neighbours[channel][pixel + tap] - centre[channel][pixel]) * scale[channel][pixel];
+                let difference = (neighbours[channel][pixel + tap] - centre[channel][pixel])
+                    * scale[channel][pixel];
                 sum += difference * difference;
             }
             distances[tap][pixel] = sum;
@@ -393,8 +421,10 @@ fn add_weights(
         for tap in 0..2 {
             let mut distance = distances[tap][pixel];
             for channel in 0..3 {
-                let difference = neighbours.mean[channel][pixel + tap] - centre.mean[channel][pixel];
-                let variance = neighbours.variance[channel][pixel + tap] + centre.variance[channel][pixel];
+                let difference =
+                    neighbours.mean[channel][pixel + tap] - centre.mean[channel][pixel];
+                let variance =
+                    neighbours.variance[channel][pixel + tap] + centre.variance[channel][pixel];
                 // λ first: 0 · ∞ must not arise.
                 distance += difference * (lambda * difference) / variance;
             }

@@ -86,7 +86,11 @@ pub struct Denoised {
 /// # Errors
 /// [`Error::MissingLayer`] where there is no beauty, [`Error::Shape`] where an image (or λ) has not the size of the
 /// layers or the picture has no pixel, [`Error::Parameter`] where a parameter is out of its range.
-pub fn denoise(layers: &Layers, parameters: &Parameters, progress: &(dyn Fn(f32) + Sync)) -> Result<Denoised, Error> {
+pub fn denoise(
+    layers: &Layers,
+    parameters: &Parameters,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Denoised, Error> {
     parameters.check()?;
     Prepared::new(layers)?.filter(parameters, progress)
 }
@@ -120,14 +124,18 @@ impl Prepared {
         };
         used.layers.insert(LayerKind::Beauty, beauty(layers)?);
         used.layers.extend(
-            GROUPS.into_iter().filter_map(|kind| layers.layers.get(&kind).map(|layer| (kind, layer.clone()))),
+            GROUPS
+                .into_iter()
+                .filter_map(|kind| layers.layers.get(&kind).map(|layer| (kind, layer.clone()))),
         );
 
         let sanitised = sanitise(&mut used);
         let spatial_variance = variance::prepare(&mut used);
         let features: Vec<_> = features::features(&used).iter().map(prefilter::prefilter).collect();
-        let Layer { mean: colour, variance, .. } =
-            used.layers.remove(&LayerKind::Beauty).ok_or_else(|| layers.missing(LayerKind::Beauty))?;
+        let Layer { mean: colour, variance, .. } = used
+            .layers
+            .remove(&LayerKind::Beauty)
+            .ok_or_else(|| layers.missing(LayerKind::Beauty))?;
         let colour_variance = variance.expect("every layer was given a variance");
         let groups = features.iter().map(|feature| GROUPS[feature.group]).collect();
         let report = Report { sanitised, spatial_variance, groups, ..Default::default() };
@@ -138,20 +146,29 @@ impl Prepared {
     ///
     /// # Errors
     /// [`Error::Parameter`] and [`Error::Shape`] as [`denoise`].
-    pub fn filter(&self, parameters: &Parameters, progress: &(dyn Fn(f32) + Sync)) -> Result<Denoised, Error> {
+    pub fn filter(
+        &self,
+        parameters: &Parameters,
+        progress: &(dyn Fn(f32) + Sync),
+    ) -> Result<Denoised, Error> {
         parameters.check()?;
         let (_, height, width) = self.colour.dim();
         if let Lambda::PerPixel(image) = &parameters.lambda
             && image.dim() != (6, height, width)
         {
             let found = image.dim().into();
-            return Err(Error::Shape { what: "lambda".into(), found, expected: [6, height, width] });
+            return Err(Error::Shape {
+                what: "lambda".into(),
+                found,
+                expected: [6, height, width],
+            });
         }
 
         let mut report = self.report.clone();
         let mut variance = self.colour_variance.clone();
         if let Some(threshold) = parameters.variance_spikes {
-            report.variance_spikes = spikes::remove_spikes(&mut variance, VARIANCE_SPIKE_RADIUS, threshold);
+            report.variance_spikes =
+                spikes::remove_spikes(&mut variance, VARIANCE_SPIKE_RADIUS, threshold);
         }
         let stack = filter::Stack::new(&self.colour, &variance, &self.features);
         let rows_done = AtomicUsize::new(0);
@@ -175,11 +192,19 @@ impl Parameters {
             if value >= 0.0 && value.is_finite() {
                 return Ok(());
             }
-            Err(Error::Parameter { name: name.into(), value: value.to_string(), expected: "a finite number, 0 or more" })
+            Err(Error::Parameter {
+                name: name.into(),
+                value: value.to_string(),
+                expected: "a finite number, 0 or more",
+            })
         };
         match &self.lambda {
-            Lambda::Constant(values) => values.iter().try_for_each(|&value| positive("lambda", value))?,
-            Lambda::PerPixel(image) => image.iter().try_for_each(|&value| positive("lambda", value))?,
+            Lambda::Constant(values) => {
+                values.iter().try_for_each(|&value| positive("lambda", value))?
+            }
+            Lambda::PerPixel(image) => {
+                image.iter().try_for_each(|&value| positive("lambda", value))?
+            }
         }
         positive("lambda of the colour", self.colour)?;
         for threshold in [self.variance_spikes, self.result_spikes].into_iter().flatten() {

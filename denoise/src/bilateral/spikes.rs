@@ -16,18 +16,22 @@ pub(crate) fn remove_spikes(image: &mut Image, radius: usize, threshold: f32) ->
         // In double precision: the square of a variance may be 1e60.
         let values: Vec<f64> = plane(image, channel).into_iter().map(f64::from).collect();
         let squares: Vec<f64> = values.iter().map(|value| value * value).collect();
-        let [sums, square_sums] = [&values, &squares].map(|plane| fold(plane, width, radius, |a, b| a + b));
+        let [sums, square_sums] =
+            [&values, &squares].map(|plane| fold(plane, width, radius, |a, b| a + b));
         for (index, spike) in spike.iter_mut().enumerate() {
             let (y, x) = (index / width, index % width);
-            let count = (clipped(y, radius, height).len() * clipped(x, radius, width).len() - 1) as f64;
+            let count =
+                (clipped(y, radius, height).len() * clipped(x, radius, width).len() - 1) as f64;
             if count < 2.0 {
                 continue;
             }
             let mean = (sums[index] - values[index]) / count;
-            let variance = ((square_sums[index] - squares[index]) - count * mean * mean) / (count - 1.0);
+            let variance =
+                ((square_sums[index] - squares[index]) - count * mean * mean) / (count - 1.0);
             let deviation = (values[index] - mean).abs();
             // The last term is the rounding of an image of 32 bits, which is no spike in a flat neighbourhood.
-            *spike |= deviation > f64::from(threshold) * variance.max(0.0).sqrt() + 1e-6 * mean.abs();
+            *spike |=
+                deviation > f64::from(threshold) * variance.max(0.0).sqrt() + 1e-6 * mean.abs();
         }
     }
 
@@ -35,7 +39,9 @@ pub(crate) fn remove_spikes(image: &mut Image, radius: usize, threshold: f32) ->
     let medians: Vec<f32> = spikes
         .iter()
         .flat_map(|index| (0..channels).map(move |channel| (index / width, index % width, channel)))
-        .map(|(y, x, channel)| median(neighbourhood(image, channel, y, x)).expect("a pixel is its own neighbour"))
+        .map(|(y, x, channel)| {
+            median(neighbourhood(image, channel, y, x)).expect("a pixel is its own neighbour")
+        })
         .collect();
     for (&index, medians) in spikes.iter().zip(medians.chunks_exact(channels)) {
         for (mut plane, &median) in image.axis_iter_mut(Axis(0)).zip(medians) {
@@ -51,7 +57,9 @@ mod tests {
 
     #[test]
     fn a_lone_spike_becomes_the_median_in_all_channels() {
-        let mut image = Image::from_shape_fn((3, 9, 9), |(c, y, x)| c as f32 + 0.1 * ((x * 7 + y * 3) % 5) as f32);
+        let mut image = Image::from_shape_fn((3, 9, 9), |(c, y, x)| {
+            c as f32 + 0.1 * ((x * 7 + y * 3) % 5) as f32
+        });
         let mut expected = image.clone();
         image[[1, 4, 4]] = 50.0;
         for channel in 0..3 {

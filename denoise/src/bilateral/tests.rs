@@ -36,7 +36,12 @@ fn noisy_layers(width: usize, height: usize, seed: u32) -> Layers {
 
 /// Parameters without spike removal, which is no part of the filter proper.
 fn plain(lambda: [f32; 6]) -> Parameters {
-    Parameters { lambda: Lambda::Constant(lambda), variance_spikes: None, result_spikes: None, ..Default::default() }
+    Parameters {
+        lambda: Lambda::Constant(lambda),
+        variance_spikes: None,
+        result_spikes: None,
+        ..Default::default()
+    }
 }
 
 fn beauty_only(mean: Image, variance: f32) -> Layers {
@@ -53,7 +58,10 @@ fn run(layers: &Layers, parameters: &Parameters) -> Image {
 fn assert_close(found: &Image, expected: &Image, tolerance: f32) {
     assert_eq!(found.dim(), expected.dim());
     for ((index, &found), &expected) in found.indexed_iter().zip(expected) {
-        assert!((found - expected).abs() <= tolerance, "{found} instead of {expected} at {index:?}");
+        assert!(
+            (found - expected).abs() <= tolerance,
+            "{found} instead of {expected} at {index:?}"
+        );
     }
 }
 
@@ -61,7 +69,8 @@ fn assert_close(found: &Image, expected: &Image, tolerance: f32) {
 fn naive_filter(prepared: &Prepared, parameters: &Parameters) -> Image {
     let (colour, variance) = (&prepared.colour, &prepared.colour_variance);
     let (_, height, width) = colour.dim();
-    let value = |image: &Image, channel: usize, (y, x): (usize, usize)| f64::from(image[[channel, y, x]]);
+    let value =
+        |image: &Image, channel: usize, (y, x): (usize, usize)| f64::from(image[[channel, y, x]]);
     Image::from_shape_fn(colour.dim(), |(channel, y, x)| {
         let lambda = |index: usize| match &parameters.lambda {
             Lambda::Constant(values) => f64::from(values[index]),
@@ -72,7 +81,8 @@ fn naive_filter(prepared: &Prepared, parameters: &Parameters) -> Image {
         for j in clipped(y, parameters.window_radius, height)
             .flat_map(|y| clipped(x, parameters.window_radius, width).map(move |x| (y, x)))
         {
-            let mut distance = lambda(0) * ((j.0 as f64 - y as f64).powi(2) + (j.1 as f64 - x as f64).powi(2));
+            let mut distance =
+                lambda(0) * ((j.0 as f64 - y as f64).powi(2) + (j.1 as f64 - x as f64).powi(2));
             for q in 0..3 {
                 let difference = value(colour, q, j) - value(colour, q, i);
                 distance += f64::from(parameters.colour) * difference * difference
@@ -120,7 +130,8 @@ fn parameters_may_differ_from_pixel_to_pixel() {
     let constant = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6];
     let image = Image::from_shape_fn((6, height, width), |(index, _, _)| constant[index]);
     let per_pixel = Parameters { lambda: Lambda::PerPixel(image), ..plain([0.0; 6]) };
-    let [one, other] = [plain(constant), per_pixel].map(|p| prepared.filter(&p, &|_| ()).unwrap().image);
+    let [one, other] =
+        [plain(constant), per_pixel].map(|p| prepared.filter(&p, &|_| ()).unwrap().image);
     assert_eq!(one, other);
 }
 
@@ -128,7 +139,8 @@ fn parameters_may_differ_from_pixel_to_pixel() {
 fn a_small_window_is_a_window() {
     let prepared = Prepared::new(&noisy_layers(33, 20, 5)).unwrap();
     for radius in [0, 1, 5] {
-        let parameters = Parameters { window_radius: radius, ..plain([0.01, 0.01, 0.01, 0.01, 0.01, 0.01]) };
+        let parameters =
+            Parameters { window_radius: radius, ..plain([0.01, 0.01, 0.01, 0.01, 0.01, 0.01]) };
         let found = prepared.filter(&parameters, &|_| ()).unwrap().image;
         assert_close(&found, &naive_filter(&prepared, &parameters), 2e-6);
     }
@@ -143,7 +155,11 @@ fn huge_parameters_give_the_input() {
         if index == 5 {
             continue; // Visibility has few values below its floor of variance that differ; it is tested by the loop above.
         }
-        assert_eq!(run(&layers, &plain(lambda)), layers.layers[&LayerKind::Beauty].mean, "lambda {index}");
+        assert_eq!(
+            run(&layers, &plain(lambda)),
+            layers.layers[&LayerKind::Beauty].mean,
+            "lambda {index}"
+        );
     }
 }
 
@@ -201,10 +217,14 @@ fn different_pixels_without_variance_pass_through() {
 fn two_pixels_of_the_worked_example_mix_one_to_two() {
     // METHODS N.11: λ₀ = ln 2, all else 0, c = (0, 1) gives 1/3 and 2/3.
     let mean = Image::from_shape_fn((3, 1, 2), |(_, _, x)| x as f32);
-    let parameters = Parameters { colour: 0.0, ..plain([std::f32::consts::LN_2, 0.0, 0.0, 0.0, 0.0, 0.0]) };
+    let parameters =
+        Parameters { colour: 0.0, ..plain([std::f32::consts::LN_2, 0.0, 0.0, 0.0, 0.0, 0.0]) };
     let image = run(&beauty_only(mean, 0.0), &parameters);
     for channel in 0..3 {
-        assert!((image[[channel, 0, 0]] - 1.0 / 3.0).abs() < 1e-6 && (image[[channel, 0, 1]] - 2.0 / 3.0).abs() < 1e-6);
+        assert!(
+            (image[[channel, 0, 0]] - 1.0 / 3.0).abs() < 1e-6
+                && (image[[channel, 0, 1]] - 2.0 / 3.0).abs() < 1e-6
+        );
     }
 }
 
@@ -241,17 +261,19 @@ fn a_pixel_does_not_know_its_block_tile_or_thread() {
         layer.halves = layer.halves.as_ref().map(|halves| halves.each_ref().map(cut));
     }
     // The position is normalised by the box of the picture, which the crop changes.
-    for layers in [&mut crop] {
-        layers.layers.remove(&LayerKind::Position);
-    }
+    crop.layers.remove(&LayerKind::Position);
     let mut whole = layers;
     whole.layers.remove(&LayerKind::Position);
     let parameters = plain([0.005, 0.0, 0.02, 0.02, 0.02, 0.02]);
     let [one, other] = [run(&whole, &parameters), run(&crop, &parameters)];
-    for y in top + margin..103 - 0 {
+    for y in top + margin..103 {
         for x in left + margin..151 {
             for channel in 0..3 {
-                assert_eq!(one[[channel, y, x]].to_bits(), other[[channel, y - top, x - left]].to_bits(), "({x}, {y})");
+                assert_eq!(
+                    one[[channel, y, x]].to_bits(),
+                    other[[channel, y - top, x - left]].to_bits(),
+                    "({x}, {y})"
+                );
             }
         }
     }
@@ -285,7 +307,8 @@ fn naive_prefilter(feature: &Feature) -> [Image; 2] {
         let j = partner(i, offset)?;
         let term = |q| {
             let difference = value(&feature.mean, q, j) - value(&feature.mean, q, i);
-            difference * difference / (1e-10 + value(&feature.variance, q, j) + value(&feature.variance, q, i))
+            difference * difference
+                / (1e-10 + value(&feature.variance, q, j) + value(&feature.variance, q, i))
         };
         Some((0..channels).map(term).sum::<f64>() / channels as f64)
     };
@@ -300,7 +323,8 @@ fn naive_prefilter(feature: &Feature) -> [Image; 2] {
                 let patch = near(i, 3).filter_map(|p| squared(p, offset)).collect();
                 (-average(patch)).exp()
             };
-            let smooth = average(near(i, 2).filter(|&p| partner(p, offset).is_some()).map(weight).collect());
+            let smooth =
+                average(near(i, 2).filter(|&p| partner(p, offset).is_some()).map(weight).collect());
             weights += smooth;
             for (q, sums) in sums.iter_mut().enumerate() {
                 sums[0] += smooth * value(&feature.mean, q, j);
@@ -334,9 +358,11 @@ fn the_prefilter_takes_noise_and_leaves_edges() {
     let mut noise = Noise(23);
     let shape = (1, 40, 80);
     // Two flat halves, noise of variance 1/300 on both.
-    let mean = Image::from_shape_fn(shape, |(_, _, x)| if x < 40 { 0.2 } else { 0.8 }) + noise.image(shape, 0.0, 0.2);
+    let mean = Image::from_shape_fn(shape, |(_, _, x)| if x < 40 { 0.2 } else { 0.8 })
+        + noise.image(shape, 0.0, 0.2);
     let clean = Image::from_shape_fn(shape, |(_, _, x)| if x < 40 { 0.2 } else { 0.8 });
-    let feature = Feature { group: 0, mean: mean.clone(), variance: Image::from_elem(shape, 1.0 / 300.0) };
+    let feature =
+        Feature { group: 0, mean: mean.clone(), variance: Image::from_elem(shape, 1.0 / 300.0) };
     let error = |image: &Image| (image - &clean).mapv(|value| value * value).sum();
     assert!(error(&prefilter(&feature).mean) < 0.1 * error(&mean));
 }
@@ -344,21 +370,32 @@ fn the_prefilter_takes_noise_and_leaves_edges() {
 #[test]
 fn the_filter_takes_noise_and_leaves_what_the_features_show() {
     let (width, height) = (96, 64);
-    let clean = Image::from_shape_fn((3, height, width), |(_, y, x)| if (x / 16 + y / 16) % 2 == 0 { 0.2 } else { 0.8 });
+    let clean = Image::from_shape_fn((3, height, width), |(_, y, x)| {
+        if (x / 16 + y / 16) % 2 == 0 { 0.2 } else { 0.8 }
+    });
     let noisy = &clean + &Noise(31).image((3, height, width), 0.0, 1.0);
     let mut layers = beauty_only(noisy.clone(), 1.0 / 12.0);
-    let albedo = Layer { mean: clean.clone(), variance: Some(Image::zeros(clean.dim())), halves: None };
+    let albedo =
+        Layer { mean: clean.clone(), variance: Some(Image::zeros(clean.dim())), halves: None };
     layers.layers.insert(LayerKind::Albedo, albedo);
     let error = |image: &Image| (image - &clean).mapv(|value| value * value).mean().unwrap();
     let denoised = denoise(&layers, &Parameters::default(), &|_| ()).unwrap();
     assert_eq!(denoised.report.groups, [LayerKind::Albedo]);
-    assert!(error(&denoised.image) < 0.02 * error(&noisy), "{} of {}", error(&denoised.image), error(&noisy));
+    assert!(
+        error(&denoised.image) < 0.02 * error(&noisy),
+        "{} of {}",
+        error(&denoised.image),
+        error(&noisy)
+    );
 }
 
 #[test]
 fn progress_ends_at_one() {
     let heard = std::sync::Mutex::new(Vec::new());
-    denoise(&noisy_layers(9, 8, 1), &Parameters::default(), &|part| heard.lock().unwrap().push(part)).unwrap();
+    denoise(&noisy_layers(9, 8, 1), &Parameters::default(), &|part| {
+        heard.lock().unwrap().push(part)
+    })
+    .unwrap();
     let mut heard = heard.into_inner().unwrap();
     heard.sort_by(f32::total_cmp);
     assert_eq!((heard.len(), heard[7]), (8, 1.0));
@@ -368,9 +405,14 @@ fn progress_ends_at_one() {
 fn the_parts_make_a_beauty_where_there_is_none() {
     let mut layers = noisy_layers(12, 10, 1);
     let beauty = layers.layers.remove(&LayerKind::Beauty).unwrap();
-    assert!(matches!(denoise(&layers, &Parameters::default(), &|_| ()), Err(Error::MissingLayer { .. })));
+    assert!(matches!(
+        denoise(&layers, &Parameters::default(), &|_| ()),
+        Err(Error::MissingLayer { .. })
+    ));
     let half = |layer: &Layer| Layer { mean: &layer.mean * 0.5, variance: None, halves: None };
-    layers.layers.extend([(LayerKind::Diffuse, half(&beauty)), (LayerKind::Specular, half(&beauty))]);
+    layers
+        .layers
+        .extend([(LayerKind::Diffuse, half(&beauty)), (LayerKind::Specular, half(&beauty))]);
     assert_close(&run(&layers, &plain([1e30, 0.0, 0.0, 0.0, 0.0, 0.0])), &beauty.mean, 1e-6);
 }
 
@@ -386,7 +428,10 @@ fn senseless_parameters_are_refused() {
         Parameters { result_spikes: Some(-1.0), ..default() },
         Parameters { lambda: Lambda::PerPixel(Image::from_elem((6, 4, 4), -0.5)), ..default() },
     ] {
-        assert!(matches!(denoise(&layers, &parameters, &|_| ()), Err(Error::Parameter { .. })), "{parameters:?}");
+        assert!(
+            matches!(denoise(&layers, &parameters, &|_| ()), Err(Error::Parameter { .. })),
+            "{parameters:?}"
+        );
     }
     let parameters = Parameters { lambda: Lambda::PerPixel(Image::zeros((6, 4, 5))), ..default() };
     assert!(matches!(denoise(&layers, &parameters, &|_| ()), Err(Error::Shape { .. })));
@@ -409,7 +454,10 @@ fn nan_infinite_and_negative_buffers_give_a_finite_picture_and_a_count() {
     let denoised = denoise(&layers, &Parameters::default(), &|_| ()).unwrap();
     assert!(denoised.image.iter().all(|value| value.is_finite()));
     // The noise has a third of its variances below 0.005, none of them negative.
-    assert_eq!(denoised.report.sanitised, Sanitised { radiance: 3, variance: 6 * 3 + 1, features: 5 * 3 });
+    assert_eq!(
+        denoised.report.sanitised,
+        Sanitised { radiance: 3, variance: 6 * 3 + 1, features: 5 * 3 }
+    );
 }
 
 #[test]
@@ -429,7 +477,11 @@ fn the_smallest_pictures_are_filtered() {
             assert_eq!(denoised.image, layers.layers[&LayerKind::Beauty].mean);
         }
     }
-    let nothing = Layers { layers: beauty_only(Image::zeros((3, 0, 4)), 0.0).layers, width: 4, ..Default::default() };
+    let nothing = Layers {
+        layers: beauty_only(Image::zeros((3, 0, 4)), 0.0).layers,
+        width: 4,
+        ..Default::default()
+    };
     assert!(matches!(denoise(&nothing, &Parameters::default(), &|_| ()), Err(Error::Shape { .. })));
 }
 
