@@ -16,12 +16,12 @@
 
 use rayon::prelude::*;
 
-use super::features::Feature;
+use super::stack::{Group, Stack, first};
 use super::{Lambda, Parameters};
 use crate::exp::exp_negative;
 use crate::layers::Image;
 use crate::simd::{Kernel, vectorise};
-use crate::window::{fold, plane};
+use crate::window::clipped;
 
 /// Added to the colour variances, so that equal pixels of no variance are equal.
 const COLOUR_EPSILON: f32 = 1e-10;
@@ -40,84 +40,15 @@ pub(super) const LARGEST_RADIUS: usize = 27;
 const TOGETHER: usize = 4;
 
 /// Offsets in a row of the window, with some that weigh nothing to make them a multiple of [`TOGETHER`].
-const TAPS: usize = (2 * LARGEST_RADIUS + 1).next_multiple_of(TOGETHER);
+pub(super) const TAPS: usize = (2 * LARGEST_RADIUS + 1).next_multiple_of(TOGETHER);
 
 /// Pixels in a block. More waste work where the width of the picture is no multiple of it, less leave the vectors empty.
-const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 32;
 
 /// A number for each pixel of a block.
-type Row = [f32; BLOCK];
-
-/// What is filtered, in the layout of the kernel.
-///
-/// The rows of all planes lie one after the other, padded on both sides so that the window of a block can be read without
-/// asking where the border is.
-#[derive(Debug)]
-pub(super) struct Stack {
-    width: usize,
-    height: usize,
-    /// Colour 0 to 2, its variance 3 to 5, then the means of the features, then their variances.
-    planes: usize,
-    stride: usize,
-    groups: Vec<Group>,
-    values: Vec<f32>,
-    /// Smallest and largest colour in the window of each pixel: a mean of them lies between, whatever is rounded.
-    bounds: [Vec<f32>; 6],
-}
-
-#[derive(Debug)]
-struct Group {
-    /// Which λ it has, 1 to 5.
-    lambda: usize,
-    channels: usize,
-    mean_plane: usize,
-    variance_plane: usize,
-}
+pub(super) type Row = [f32; BLOCK];
 
 impl Stack {
-    pub(super) fn new(colour: &Image, variance: &Image, features: &[Feature]) -> Self {
-        let (_, height, width) = colour.dim();
-        let mut sources: Vec<(&Image, usize)> = [colour, variance]
-            .into_iter()
-            .flat_map(|image| (0..3).map(move |channel| (image, channel)))
-            .collect();
-        let mut groups = Vec::new();
-        let channels: usize = features.iter().map(|feature| feature.mean.dim().0).sum();
-        for feature in features {
-            let mean_plane = sources.len();
-            let own = feature.mean.dim().0;
-            groups.push(Group {
-                lambda: feature.group + 1,
-                channels: own,
-                mean_plane,
-                variance_plane: mean_plane + channels,
-            });
-            sources.extend((0..own).map(|channel| (&feature.mean, channel)));
-        }
-        for feature in features {
-            sources.extend((0..feature.mean.dim().0).map(|channel| (&feature.variance, channel)));
-        }
-
-        let stride = width.next_multiple_of(BLOCK) + TAPS;
-        let planes = sources.len();
-        let mut values = vec![0.0; height * planes * stride];
-        values.par_chunks_mut(planes * stride).enumerate().for_each(|(y, rows)| {
-            for (row, (image, channel)) in rows.chunks_mut(stride).zip(&sources) {
-                let row = &mut row[LARGEST_RADIUS..LARGEST_RADIUS + width];
-                row.iter_mut().enumerate().for_each(|(x, value)| *value = image[[*channel, y, x]]);
-            }
-        });
-        let bounds = std::array::from_fn(|index| {
-            let plane = plane(colour, index % 3);
-            if index < 3 {
-                fold(&plane, width, LARGEST_RADIUS, f32::min)
-            } else {
-                fold(&plane, width, LARGEST_RADIUS, f32::max)
-            }
-        });
-        Self { width, height, planes, stride, groups, values, bounds }
-    }
-
     /// Filters the colour, `[3, height, width]`; `done` is called after each row.
     pub(super) fn filter(&self, parameters: &Parameters, done: &(dyn Fn() + Sync)) -> Image {
         let mut rows = vec![0.0; self.height * 3 * self.width];
@@ -243,7 +174,7 @@ impl<'a> Block<'a> {
         let smallest = self.spatial_lambda.iter().copied().fold(f32::INFINITY, f32::min);
         let mut total = Sums::default();
         let mut distances = [[0.0; BLOCK]; TAPS];
-        for neighbour_y in crate::window::clipped(self.y, self.radius, self.stack.height) {
+        for neighbour_y in clipped(self.y, self.radius, self.stack.height) {
             let dy = neighbour_y.abs_diff(self.y);
             let Some(reach) = reach(smallest, dy, self.radius) else { continue };
             let distances = &mut distances[..(2 * reach + 1).next_multiple_of(TOGETHER)];
@@ -337,26 +268,6 @@ impl<'a> Block<'a> {
     }
 }
 
-impl Stack {
-    /// A row of a plane; its pixel 0 is at [`LARGEST_RADIUS`].
-    #[inline(always)]
-    fn row(&self, y: usize, plane: usize) -> &[f32] {
-        let start = (y * self.planes + plane) * self.stride;
-        &self.values[start..start + self.stride]
-    }
-
-    /// The block of pixels of a row from column `x`.
-    #[inline(always)]
-    fn pixels(&self, y: usize, plane: usize, x: usize) -> &Row {
-        first(&self.row(y, plane)[LARGEST_RADIUS + x..])
-    }
-}
-
-#[inline(always)]
-fn first<const N: usize>(values: &[f32]) -> &[f32; N] {
-    values.first_chunk().expect("the rows are padded")
-}
-
 /// Weights and weighted colours.
 struct Sums {
     weight: Row,
@@ -374,7 +285,7 @@ impl Sums {
     #[inline(always)]
     fn add(&mut self, other: &Self) {
         let add = |sum: &mut Row, other: &Row| {
-            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other)
+            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
         };
         add(&mut self.weight, &other.weight);
         self.colours.iter_mut().zip(&other.colours).for_each(|(sum, other)| add(sum, other));
@@ -410,6 +321,10 @@ fn add_squares<const CHANNELS: usize>(
 
 /// The weights at two offsets, whose `distances` lack the colour.
 #[inline(always)]
+#[expect(
+    clippy::needless_range_loop,
+    reason = "one index for all arrays is the form that vectorises"
+)]
 fn add_weights(
     sums: &mut Sums,
     distances: &[Row; 2],

@@ -178,6 +178,10 @@ impl Tile<'_> {
 
     /// Sums of the smoothed weights over the columns of a window, into the second buffer.
     #[inline(always)]
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "one index for all arrays is the form that vectorises"
+    )]
     fn weigh(&self, [distances, weights]: &mut [Vec<Row>; 2], offset: &Offset) {
         for (local, sums) in distances.iter_mut().enumerate() {
             *sums = match self.row_of(local, offset) {
@@ -232,6 +236,10 @@ impl Tile<'_> {
 
     /// Adds the partners to the sums of the tile.
     #[inline(always)]
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "one index for all arrays is the form that vectorises"
+    )]
     fn add(&self, sums: &mut Sums, weights: &[Row], offset: &Offset) {
         for local in HALO..SIDE - HALO {
             let Some(y) = self.row_of(local, offset) else { continue };

@@ -58,7 +58,7 @@ fn write_foreign(
 }
 
 fn message(result: Result<Contents, Error>) -> String {
-    result.err().expect("must be refused").to_string()
+    result.expect_err("must be refused").to_string()
 }
 
 #[test]
