@@ -275,7 +275,7 @@ fn a_small_file_that_promises_many_pixels_is_refused_before_memory_is_taken() {
     bytes[at + 12..at + 16].copy_from_slice(&1_000_000_i32.to_le_bytes());
     std::fs::write(&path, &bytes).unwrap();
     let message = message(read(&path));
-    assert!(message.contains("promises") || message.contains("damaged"), "{message}");
+    assert!(message.contains("promises"), "{message}");
 }
 
 #[test]
