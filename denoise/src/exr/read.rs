@@ -132,7 +132,7 @@ fn collect(path: &Path, file: File) -> Result<Found, Error> {
             part.attributes.layer_name.as_ref().map(|name| String::from_utf8_lossy(name.bytes()));
         for (channel_index, channel) in part.channel_data.list.iter().enumerate() {
             let plain = String::from_utf8_lossy(channel.name.bytes()).into_owned();
-            match meaning(&plain, part_name.as_deref().filter(|_| multipart), part_index) {
+            match meaning(&plain, part_name.as_deref().filter(|_| multipart)) {
                 Some(Meaning { part, component, rank }) => {
                     let components = candidates.entry((part, rank)).or_default();
                     components.entry(component).or_insert((plain, part_index, channel_index));
@@ -211,16 +211,13 @@ fn collect(path: &Path, file: File) -> Result<Found, Error> {
 }
 
 /// Meaning of a channel. In a file of several parts the part's name stands before the channel's, unless the channel's
-/// own name says enough; the plain `R G B` of the first part are the picture, whatever the part is called.
-fn meaning(name: &str, part_name: Option<&str>, part_index: usize) -> Option<Meaning> {
+/// own name says enough; where neither says anything, plain `R G B` are the picture, whatever the part is called.
+fn meaning(name: &str, part_name: Option<&str>) -> Option<Meaning> {
     let own = recognise(name);
     match (own, part_name) {
         (own, None) => own,
         (Some(meaning), _) if name.contains('.') => Some(meaning),
-        (own, Some(part_name)) => {
-            let plain_picture = own.filter(|own| own.part != Part::Picture || part_index == 0);
-            recognise(&format!("{part_name}.{name}")).or(plain_picture)
-        }
+        (own, Some(part_name)) => recognise(&format!("{part_name}.{name}")).or(own),
     }
 }
 

@@ -205,10 +205,11 @@ fn the_parts_of_a_file_name_their_channels() {
         )
     };
     let parts = [
+        part("depth", &["Z"], 4.0),
         part("main", &["R", "G", "B"], 1.0),
+        part("another", &["R", "G", "B"], 9.0),
         part("albedo", &["R", "G", "B"], 2.0),
         part("N", &["X", "Y", "Z"], 3.0),
-        part("depth", &["Z"], 4.0),
     ];
     let attributes = ::exr::prelude::ImageAttributes::with_size((2, 2));
     let parts: ::exr::image::Layers<_> = parts.into_iter().collect();
