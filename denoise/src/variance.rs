@@ -5,6 +5,7 @@
 //! ratio, smoothed, corrects the first by the second (Rousselle, Knaus and Zwicker 2012; Kalantari, Bako and Sen 2015).
 
 use ndarray::Zip;
+use rayon::prelude::*;
 
 use crate::layers::{Image, Layer, LayerKind, Layers};
 use crate::window::{box_mean, neighbourhood};
@@ -49,29 +50,32 @@ pub fn spatial_variance(image: &Image) -> Image {
 /// Gives every layer a variance: corrected by the halves where there are some, and spatial where there is none or where
 /// a pixel has a single sample. Returns the layers that got a spatial one.
 pub fn prepare(layers: &mut Layers) -> Vec<LayerKind> {
-    let mut spatial = Vec::new();
-    for (&kind, layer) in &mut layers.layers {
-        let single =
-            layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
-        correct_variances(layer);
-        match (&mut layer.variance, single) {
-            (None, _) => {
-                layer.variance = Some(spatial_variance(&layer.mean));
-                spatial.push(kind);
-            }
-            (Some(variance), Some(samples)) => {
-                let around = spatial_variance(&layer.mean);
-                for ((channel, y, x), variance) in variance.indexed_iter_mut() {
-                    if samples[[0, y, x]] < 2.0 {
-                        *variance = around[[channel, y, x]];
-                    }
-                }
-                spatial.push(kind);
-            }
-            (Some(_), None) => {}
+    let single = layers.samples.as_ref().filter(|samples| samples.iter().any(|&n| n < 2.0));
+    let list: Vec<(&LayerKind, &mut Layer)> = layers.layers.iter_mut().collect();
+    list.into_par_iter()
+        .filter_map(|(&kind, layer)| prepare_layer(layer, single).then_some(kind))
+        .collect()
+}
+
+/// Prepares one layer; `samples` where some pixels have a single one. Whether any variance is spatial.
+fn prepare_layer(layer: &mut Layer, samples: Option<&Image>) -> bool {
+    correct_variances(layer);
+    match (&mut layer.variance, samples) {
+        (None, _) => {
+            layer.variance = Some(spatial_variance(&layer.mean));
+            true
         }
+        (Some(variance), Some(samples)) => {
+            let around = spatial_variance(&layer.mean);
+            for ((channel, y, x), variance) in variance.indexed_iter_mut() {
+                if samples[[0, y, x]] < 2.0 {
+                    *variance = around[[channel, y, x]];
+                }
+            }
+            true
+        }
+        (Some(_), None) => false,
     }
-    spatial
 }
 
 #[cfg(test)]

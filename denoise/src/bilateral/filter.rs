@@ -29,8 +29,8 @@ const COLOUR_EPSILON: f32 = 1e-10;
 /// Smallest feature variance: differences of features of size one are not told apart below 0.01.
 const FEATURE_FLOOR: f32 = 1e-4;
 
-/// Offsets whose spatial distance alone exceeds this are left out: all 3024 together weigh less than 3024 e⁻²⁴ ≈ 1.2e-7
-/// of the centre, less than the rounding of the sum.
+/// Offsets that are farther than this without their colour weigh nothing: all 3024 together would weigh less than
+/// 3024 e⁻²⁴ ≈ 1.2e-7 of the centre, no more than the rounding of the sum. In most pictures this saves half of the work.
 const FARTHEST: f32 = 24.0;
 
 /// Largest radius of the window; the array of distances of one row has room for it.
@@ -250,6 +250,9 @@ impl<'a> Block<'a> {
         };
         let mut sums = Sums::default();
         for (step, distances) in distances.as_chunks::<PAIR>().0.iter().enumerate() {
+            if count_near(distances) == 0 {
+                continue;
+            }
             let window =
                 |plane: usize| first::<{ BLOCK + PAIR - 1 }>(&planes[plane][step * PAIR..]);
             let neighbours = Colours {
@@ -317,6 +320,16 @@ fn add_squares<const CHANNELS: usize>(
             distances[tap][pixel] = sum;
         }
     }
+}
+
+/// How many pixels at two offsets are not too far to weigh. A count, because that vectorises where a search does not.
+#[inline(always)]
+fn count_near(distances: &[Row; 2]) -> u32 {
+    let mut near = 0;
+    for distance in distances.as_flattened() {
+        near += u32::from(*distance <= FARTHEST);
+    }
+    near
 }
 
 /// The weights at two offsets, whose `distances` lack the colour.

@@ -13,6 +13,7 @@ mod stack;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 pub use features::GROUPS;
+use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::layers::{Image, Layer, LayerKind, Layers};
@@ -124,15 +125,16 @@ impl Prepared {
             ..Default::default()
         };
         used.layers.insert(LayerKind::Beauty, beauty(layers)?);
-        used.layers.extend(
-            GROUPS
-                .into_iter()
-                .filter_map(|kind| layers.layers.get(&kind).map(|layer| (kind, layer.clone()))),
-        );
+        let copies: Vec<_> = GROUPS
+            .into_par_iter()
+            .filter_map(|kind| Some((kind, layers.layers.get(&kind)?.clone())))
+            .collect();
+        used.layers.extend(copies);
 
         let sanitised = sanitise(&mut used);
         let spatial_variance = variance::prepare(&mut used);
-        let features: Vec<_> = features::features(&used).iter().map(prefilter::prefilter).collect();
+        let features = features::features(&used);
+        let features: Vec<_> = features.par_iter().map(prefilter::prefilter).collect();
         let beauty = used.layers.remove(&LayerKind::Beauty);
         let (colour, colour_variance) = beauty
             .and_then(|layer| Some((layer.mean, layer.variance?)))

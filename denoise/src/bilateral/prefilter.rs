@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use ndarray::s;
 use rayon::prelude::*;
 
 use super::features::Feature;
@@ -49,13 +50,16 @@ pub(super) fn prefilter(feature: &Feature) -> Feature {
     let mut result = feature.clone();
     for ((top, left), sums) in corners.into_iter().zip(tiles) {
         let (rows, columns) = (top..(top + TILE).min(height), left..(left + TILE).min(width));
-        for (y, x) in rows.flat_map(|y| columns.clone().map(move |x| (y, x))) {
-            let (row, column) = (y - top, x - left + HALO);
-            for channel in 0..channels {
-                result.mean[[channel, y, x]] =
-                    sums.values[channel][row][column] / sums.weight[row][column];
-                result.variance[[channel, y, x]] =
-                    sums.values[channels + channel][row][column] / sums.weight[row][column];
+        for (row, y) in rows.enumerate() {
+            let weight = &sums.weight[row][HALO..];
+            for (plane, values) in sums.values.iter().enumerate() {
+                let image = if plane < channels { &mut result.mean } else { &mut result.variance };
+                let pixels = image.slice_mut(s![plane % channels, y, columns.clone()]);
+                for ((pixel, value), weight) in
+                    pixels.into_iter().zip(&values[row][HALO..]).zip(weight)
+                {
+                    *pixel = value / weight;
+                }
             }
         }
     }

@@ -1,5 +1,6 @@
 //! What is filtered, in the layout of the filter's kernel.
 
+use ndarray::s;
 use rayon::prelude::*;
 
 use super::features::Feature;
@@ -7,8 +8,8 @@ use super::filter::{BLOCK, LARGEST_RADIUS, Row, TAPS};
 use crate::layers::Image;
 use crate::window::{fold, plane};
 
-/// Colour, its variance and the features: the rows of all planes lie one after the other, padded on both sides so that the window of a block can be read without
-/// asking where the border is.
+/// Colour, its variance and the features: the rows of all planes lie one after the other, padded on both sides so that
+/// the window of a block can be read without asking where the border is.
 #[derive(Debug)]
 pub(super) struct Stack {
     pub(super) width: usize,
@@ -61,7 +62,8 @@ impl Stack {
         values.par_chunks_mut(planes * stride).enumerate().for_each(|(y, rows)| {
             for (row, (image, channel)) in rows.chunks_mut(stride).zip(&sources) {
                 let row = &mut row[LARGEST_RADIUS..LARGEST_RADIUS + width];
-                row.iter_mut().enumerate().for_each(|(x, value)| *value = image[[*channel, y, x]]);
+                let pixels = image.slice(s![*channel, y, ..]);
+                row.iter_mut().zip(pixels).for_each(|(value, &pixel)| *value = pixel);
             }
         });
         let bounds = std::array::from_fn(|index| {
