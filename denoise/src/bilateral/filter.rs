@@ -30,7 +30,8 @@ const COLOUR_EPSILON: f32 = 1e-10;
 const FEATURE_FLOOR: f32 = 1e-4;
 
 /// Offsets that are farther than this without their colour weigh nothing: all 3024 together would weigh less than
-/// 3024 e⁻²⁴ ≈ 1.2e-7 of the centre, no more than the rounding of the sum. In most pictures this saves half of the work.
+/// 3024 e⁻²⁴ ≈ 1.2e-7 of the centre, no more than the rounding of the sum. Skipping them saved a fifth
+/// of the time on renders of the Cornell box and of Veach's plates (λ = 0.1).
 const FARTHEST: f32 = 24.0;
 
 /// Largest radius of the window; the array of distances of one row has room for it.
