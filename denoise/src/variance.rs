@@ -55,37 +55,38 @@ pub fn spatial_variance(image: &Image) -> Image {
 
 /// Corrects the variances of all layers by their halves; to be done once, where samples were added up.
 pub fn correct(layers: &mut Layers) {
-    layers.layers.values_mut().for_each(correct_variances);
+    layers.layers.par_iter_mut().for_each(|(_, layer)| correct_variances(layer));
 }
 
 /// Gives a variance to every layer and pixel that has none: that of the halves, or the spatial one where there are no
 /// halves either or where a pixel has a single sample. Returns the layers that got a spatial one.
 pub fn complete(layers: &mut Layers) -> Vec<LayerKind> {
-    let single =
-        layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
-    let mut spatial = Vec::new();
-    for (&kind, layer) in &mut layers.layers {
-        if layer.variance.is_none() {
-            correct_variances(layer);
-        }
-        match (&mut layer.variance, single) {
-            (None, _) => {
-                layer.variance = Some(spatial_variance(&layer.mean));
-                spatial.push(kind);
-            }
-            (Some(variance), Some(samples)) => {
-                let around = spatial_variance(&layer.mean);
-                for ((channel, y, x), variance) in variance.indexed_iter_mut() {
-                    if samples[[0, y, x]] < 2.0 {
-                        *variance = around[[channel, y, x]];
-                    }
-                }
-                spatial.push(kind);
-            }
-            (Some(_), None) => {}
-        }
+    let single = layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
+    layers
+        .layers
+        .par_iter_mut()
+        .filter_map(|(&kind, layer)| complete_layer(layer, single).then_some(kind))
+        .collect()
+}
+
+/// Completes one layer; `single` are the sample counts where some are below 2. Returns whether it got a spatial variance.
+fn complete_layer(layer: &mut Layer, single: Option<&Image>) -> bool {
+    if layer.variance.is_none() {
+        correct_variances(layer);
     }
-    spatial
+    match (&mut layer.variance, single) {
+        (None, _) => layer.variance = Some(spatial_variance(&layer.mean)),
+        (Some(variance), Some(samples)) => {
+            let around = spatial_variance(&layer.mean);
+            for ((channel, y, x), variance) in variance.indexed_iter_mut() {
+                if samples[[0, y, x]] < 2.0 {
+                    *variance = around[[channel, y, x]];
+                }
+            }
+        }
+        (Some(_), None) => return false,
+    }
+    true
 }
 
 /// Relative L2 of the noise of a layer against its own truth, from its variance: the mean over pixels and channels of
