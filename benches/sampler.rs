@@ -60,7 +60,7 @@ fn emitters(criterion: &mut Criterion) {
         ("sphere", area(sphere)),
         ("map of 512 × 256", Emitter::Environment(Environment::Map(map))),
     ] {
-        let emitters = Emitters::new(vec![emitter], Vec3::ZERO, 10.0);
+        let emitters = Emitters::new(vec![emitter], 10.0);
         let mut sampler = IndependentSampler::new(1, 2, 3);
         group.bench_function(name, |bencher| {
             bencher.iter(|| {

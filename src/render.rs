@@ -50,7 +50,7 @@ impl Default for RenderSettings {
 /// A picture with its layers, and what it took.
 #[derive(Debug)]
 pub struct Rendered {
-    /// All layers, with variances of their means that the halves corrected.
+    /// All layers; the halves have corrected the variances of means of stratified samples.
     pub layers: Layers,
     /// Samples per pixel taken; fewer than asked for when stopped.
     pub samples: u32,
@@ -94,7 +94,10 @@ pub fn render(
         }
     }
     let mut layers = film.layers(scene.origin);
-    variance::correct(&mut layers);
+    // The variance of independent samples is right, and of more degrees of freedom than that of the halves.
+    if settings.sampler == SamplerKind::Sobol {
+        variance::correct(&mut layers);
+    }
     Rendered { layers, samples, invalid_samples: film.invalid_samples(), elapsed: start.elapsed() }
 }
 

@@ -91,7 +91,7 @@ fn bad_input_exits_with_2_says_where_and_writes_nothing() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(
         folder.path().join("bad.xml"),
-        "<scene version=\"3.0.0\">\n  <shape type=\"spere\"/>\n</scene>",
+        "<scene version=\"3.0.0\">\n  <shape type=\"spere\"/>\n  <sensor type=\"perspective\"/>\n</scene>",
     )
     .expect("the scene is written");
     let scene = own_scene("cornell-box");
@@ -161,4 +161,37 @@ fn ctrl_c_writes_what_there_is_and_exits_with_130() {
     let contents = exr::read(&folder.path().join("part.exr")).expect("the EXR is whole");
     let samples = contents.layers.samples.expect("sample counts");
     assert!(samples[[0, 0, 0]] >= 1.0 && samples[[0, 0, 0]] < 1e6);
+}
+
+#[test]
+fn inspect_says_which_layers_a_scene_does_not_require() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = |max_depth: u32, bsdf: &str| {
+        let xml = format!(
+            r#"<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="{max_depth}"/></integrator>
+            <sensor type="perspective"/><shape type="sphere"><bsdf type="{bsdf}"/></shape>
+            <emitter type="point"><point name="position" x="9" y="0" z="0"/><rgb name="intensity" value="1"/></emitter></scene>"#
+        );
+        std::fs::write(folder.path().join("scene.xml"), xml).expect("the scene is written");
+        let json = quietlight(&["inspect", "scene.xml", "--json"], folder.path());
+        assert!(json.status.success(), "{}", text(&json.stderr));
+        let facts: serde_json::Value =
+            serde_json::from_slice(&json.stdout).expect("JSON on standard output");
+        let layers: Vec<String> = facts["layers"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .map(|name| name.as_str().expect("a name").to_owned())
+            .collect();
+        (layers, text(&quietlight(&["inspect", "scene.xml"], folder.path()).stdout))
+    };
+    let (layers, told) = scene(1, "diffuse");
+    assert!(!layers.iter().any(|name| name == "specular" || name == "texture2"), "{layers:?}");
+    assert!(told.contains("no specular layer") && told.contains("no texture2 layer"), "{told}");
+    let (layers, told) = scene(5, "plastic");
+    assert!(
+        layers.iter().any(|name| name == "specular")
+            && layers.iter().any(|name| name == "texture2")
+    );
+    assert!(!told.contains("no specular layer") && !told.contains("no texture2 layer"), "{told}");
 }

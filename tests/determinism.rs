@@ -4,7 +4,7 @@ use crate::support::scenes::{layer, render_finite, scene_around, settings};
 use quietlight::integrator::Strategy;
 use quietlight::render::{RenderSettings, Rendered, SamplerKind, replay};
 use quietlight::scene::Scene;
-use quietlight_denoise::{LayerKind, bilateral, variance};
+use quietlight_denoise::{LayerKind, bilateral};
 use std::time::Duration;
 
 fn scene() -> Scene {
@@ -21,11 +21,7 @@ fn scene() -> Scene {
 
 fn on_threads(threads: usize, scene: &Scene, settings: &RenderSettings) -> Rendered {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-    pool.install(|| {
-        let mut rendered = render_finite(scene, settings);
-        variance::correct_variances(&mut rendered.layers);
-        rendered
-    })
+    pool.install(|| render_finite(scene, settings))
 }
 
 #[test]

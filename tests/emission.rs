@@ -17,7 +17,7 @@ fn area(part: Part, colour: Rgb) -> Emitter {
 
 /// Emitters with a scene sphere of radius 10 around the origin.
 fn emitters(list: Vec<Emitter>) -> Emitters {
-    Emitters::new(list, Vec3::ZERO, 10.0)
+    Emitters::new(list, 10.0)
 }
 
 /// A quadrilateral of two triangles, its normal by the right hand.

@@ -1,6 +1,7 @@
 //! Laws of the whole system, in one binary: one link, and one place for what they share.
 
 mod analytic;
+mod buffers;
 mod cli;
 mod determinism;
 mod emission;

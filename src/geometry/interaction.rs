@@ -44,6 +44,13 @@ impl Interaction {
         Ray::new(offset_point(self.position, self.error, self.normal, direction), direction)
     }
 
+    /// A ray to `target`, where its parameter is 1, from a point moved off the surface as by [`Interaction::spawn`]. It is
+    /// aimed from there: a parallel ray would pass beside the target, and meet a round emitter too early at its rim.
+    pub fn spawn_to(&self, target: Vec3) -> Ray {
+        let origin = offset_point(self.position, self.error, self.normal, target - self.position);
+        Ray::new(origin, target - origin)
+    }
+
     /// At barycentric weights `u`, `v` of the second and third corner of a mesh's triangle.
     pub(super) fn on_triangle(part: u32, mesh: &Mesh, triangle: usize, u: f32, v: f32) -> Self {
         let indices = mesh.triangles[triangle].map(|index| index as usize);

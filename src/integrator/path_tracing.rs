@@ -110,7 +110,9 @@ impl PathTracing {
         let mut scatterings = 0u32;
         let mut eta_squared = 1.0f32;
         let mut departure = Departure { position: ray.origin, pdf: 0.0, is_delta: true };
-        let mut features = FeatureWalk::default();
+        // Rays start on the near plane, depth at the camera.
+        let length = ray.origin.distance(scene.camera.center());
+        let mut features = FeatureWalk { length, ..FeatureWalk::default() };
         let mut depth = 0u32;
 
         while depth < max_depth {
@@ -273,8 +275,12 @@ impl PathTracing {
         if !(scatters || is_first) {
             return direct;
         }
-        let mut shadow_ray = at.spawn(light.direction);
-        shadow_ray.t_max = light.distance * (1.0 - SHADOW_MARGIN);
+        let shadow_ray = if light.distance.is_finite() {
+            let ray = at.spawn_to(at.position + light.direction * light.distance);
+            Ray { t_max: 1.0 - SHADOW_MARGIN, ..ray }
+        } else {
+            at.spawn(light.direction)
+        };
         direct.visibility = transmittance(scene, shadow_ray);
         if scatters && direct.visibility > 0.0 {
             let weight = match self.strategy {

@@ -150,7 +150,6 @@ fn irradiance_does_not_depend_on_the_scale_of_the_scene() {
                 area(disk, Rgb::WHITE),
                 Emitter::Environment(Environment::Constant(Rgb::splat(0.1))),
             ],
-            Vec3::ZERO,
             5.0 * scale,
         );
         let mut random = Random::new(3 + i as u64);

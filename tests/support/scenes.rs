@@ -1,5 +1,6 @@
 //! Scenes written in the test, rendered in memory.
 
+use ndarray::Axis;
 use quietlight::integrator::{PathTracing, Strategy};
 use quietlight::render::{RenderSettings, Rendered, SamplerKind, render};
 use quietlight::scene::{LoadOptions, Scene};
@@ -56,16 +57,18 @@ pub(crate) fn layer(rendered: &Rendered, kind: LayerKind) -> (&Image, &Image) {
 
 /// Mean over pixels and channels of the beauty, and the standard error of that mean.
 pub(crate) fn mean_and_error(rendered: &Rendered) -> (f64, f64) {
-    let (mean, variance) = layer(rendered, LayerKind::Beauty);
+    mean_and_error_of(LayerKind::Beauty, rendered)
+}
+
+/// Mean over pixels and channels of a layer, and the standard error of that mean.
+pub(crate) fn mean_and_error_of(kind: LayerKind, rendered: &Rendered) -> (f64, f64) {
+    let (mean, variance) = layer(rendered, kind);
     let n = mean.len() as f64;
     let total: f64 = mean.iter().map(|&value| f64::from(value)).sum();
-    // The three channels of a pixel share their randomness: their errors add up, not their variances.
-    let error: f64 = (0..mean.dim().1 * mean.dim().2)
-        .map(|pixel| {
-            let at = [pixel / mean.dim().2, pixel % mean.dim().2];
-            let deviation: f64 =
-                (0..3).map(|c| f64::from(variance[[c, at[0], at[1]]]).sqrt()).sum();
-            deviation * deviation
+    // The channels of a pixel share their randomness: their errors add up, not their variances.
+    let error: f64 = variance
+        .map_axis(Axis(0), |pixel| {
+            pixel.iter().map(|&value| f64::from(value).sqrt()).sum::<f64>().powi(2)
         })
         .sum();
     (total / n, error.sqrt() / n)
@@ -84,11 +87,10 @@ pub(crate) fn assert_mean((mean, error): (f64, f64), truth: f64, resolution: f64
     assert!(z.abs() < 4.4, "{what}: mean {mean} ± {error}, expected {truth}: z = {z:.2}");
 }
 
-/// z of the difference of two renders in each block of 8×8 pixels, of the channels' mean.
-pub(crate) fn block_z(a: &Rendered, b: &Rendered) -> Vec<f64> {
-    let ((mean_a, variance_a), (mean_b, variance_b)) =
-        (layer(a, LayerKind::Beauty), layer(b, LayerKind::Beauty));
-    let (_, height, width) = mean_a.dim();
+/// z of the difference of a layer of two renders in each block of 8×8 pixels, of the channels' mean.
+fn block_z(kind: LayerKind, a: &Rendered, b: &Rendered) -> Vec<f64> {
+    let ((mean_a, variance_a), (mean_b, variance_b)) = (layer(a, kind), layer(b, kind));
+    let (channels, height, width) = mean_a.dim();
     let mut scores = Vec::new();
     for top in (0..height).step_by(8) {
         for left in (0..width).step_by(8) {
@@ -96,7 +98,7 @@ pub(crate) fn block_z(a: &Rendered, b: &Rendered) -> Vec<f64> {
             for y in top..(top + 8).min(height) {
                 for x in left..(left + 8).min(width) {
                     let (mut deviation_a, mut deviation_b) = (0.0, 0.0);
-                    for channel in 0..3 {
+                    for channel in 0..channels {
                         let at = [channel, y, x];
                         difference += f64::from(mean_a[at]) - f64::from(mean_b[at]);
                         deviation_a += f64::from(variance_a[at]).sqrt();
@@ -116,7 +118,12 @@ pub(crate) fn block_z(a: &Rendered, b: &Rendered) -> Vec<f64> {
 /// METHODS 12.1: the mean of z² lies within `1 ± 4 sqrt(2 / n)` — one-sided here, since adding up the deviations of the
 /// channels overstates the variance — and the largest |z| within a Šidák bound for level 10⁻⁴.
 pub(crate) fn assert_equal_energy(a: &Rendered, b: &Rendered, what: &str) {
-    let scores = block_z(a, b);
+    assert_equal_energy_of(LayerKind::Beauty, a, b, what);
+}
+
+/// The same for any layer.
+pub(crate) fn assert_equal_energy_of(kind: LayerKind, a: &Rendered, b: &Rendered, what: &str) {
+    let scores = block_z(kind, a, b);
     let n = scores.len() as f64;
     assert!(n >= 16.0, "{what}: only {n} blocks with noise");
     let mean_square = scores.iter().map(|z| z * z).sum::<f64>() / n;
