@@ -312,6 +312,44 @@ fn a_lens_of_radius_zero_is_a_pinhole() {
 }
 
 #[test]
+fn environments_of_one_texel_or_with_a_nan_light_as_what_is_left_of_them() {
+    let ball = |texels: &image::Rgb32FImage| {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        texels.save(folder.path().join("sky.exr")).expect("the sky is written");
+        let text = r#"<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="10"/>
+            <transform name="to_world"><lookat origin="0,0,4" target="0,0,0" up="0,1,0"/></transform>
+            <film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/>
+                <rfilter type="box"/></film></sensor>
+            <shape type="sphere"><bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>
+            <emitter type="envmap"><string name="filename" value="sky.exr"/></emitter></scene>"#;
+        let file = folder.path().join("scene.xml");
+        std::fs::write(&file, text).expect("the scene is written");
+        Scene::load(&file, &Default::default()).expect("the scene loads")
+    };
+    // One texel is an even sky: the ball shows its albedo times it.
+    let one = ball(&image::Rgb32FImage::from_pixel(1, 1, image::Rgb([2.0; 3])));
+    for strategy in [Light, Bsdf, Mis] {
+        let rendered = render_finite(&one, &settings(1024, 27, strategy));
+        assert_mean(mean_and_error(&rendered), 1.0, 0.01, &format!("one texel, {strategy:?}"));
+    }
+    // A texel that is no radiance is black, for every strategy, and said to be.
+    let mut spoiled = image::Rgb32FImage::from_pixel(8, 4, image::Rgb([2.0; 3]));
+    spoiled.put_pixel(3, 1, image::Rgb([f32::NAN, 1.0, 1.0]));
+    let spoiled = ball(&spoiled);
+    assert!(!spoiled.warnings.is_empty());
+    let both = render_finite(&spoiled, &settings(512, 28, Mis));
+    let (mean, _) = mean_and_error(&both);
+    assert!(mean > 0.0 && mean <= 1.0, "{mean}");
+    let walked = render_finite(&spoiled, &settings(512, 29, Bsdf));
+    let ((a, da), (b, db)) = (mean_and_error(&both), mean_and_error(&walked));
+    assert!((a - b).abs() < 4.4 * da.hypot(db), "{a} ± {da} and {b} ± {db}");
+    // A black sky is no light, and leaves the picture black.
+    let black = ball(&image::Rgb32FImage::new(4, 2));
+    let rendered = render_finite(&black, &settings(4, 30, Mis));
+    assert!(layer(&rendered, LayerKind::Beauty).0.iter().all(|&value| value == 0.0));
+}
+
+#[test]
 fn degenerate_triangles_are_left_out_and_told() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     // One sound triangle; one of no area, one with a vertex twice, one sliver, one with a NaN.

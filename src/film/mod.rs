@@ -1,5 +1,7 @@
 //! Sums of samples per pixel, in two independent halves, and the layers that come out of them.
 
+#[cfg(test)]
+mod tests;
 mod tile;
 
 pub use tile::{Tile, tiles};
