@@ -41,7 +41,7 @@ fn filter_tile(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(64 * 64));
     group.sample_size(20);
     group.bench_function("filter", |bencher| {
-        bencher.iter(|| prepared.filter(black_box(&parameters), &|_| ()))
+        bencher.iter(|| prepared.filter(black_box(&parameters), &|_| ()));
     });
     group.finish();
 }

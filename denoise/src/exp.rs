@@ -1,10 +1,7 @@
 //! The exponential function of the filters.
 
-/// Beyond this distance the weight is 0, as is all that a normal number cannot hold: `2^-126.5`.
-const LARGEST: f32 = 87.68;
-
-/// `e^(−distance)` for `distance ≥ 0`, infinity included, within a relative error of 3e-7; 0 beyond [`LARGEST`];
-/// exactly 1 at 0.
+/// `e^(−distance)` for `distance ≥ 0`, infinity included, within a relative error of 3e-7; 0 beyond 87.68, where
+/// `2^-126.5` is too small for a normal number; exactly 1 at 0.
 ///
 /// Branch-free, so that it vectorises: `e^x = 2^k e^r`, `k` the nearest integer to `x / ln 2` and `r` in
 /// `±ln 2 / 2`, where seven terms of the series leave `r⁷/7! < 1.3e-7`. Subtracting `k ln 2` in two parts, the first with
@@ -15,7 +12,7 @@ pub(crate) fn exp_negative(distance: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0;
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;
-    // Any number beyond LARGEST has an exponent below all that exist.
+    // Any number from 87.68 on has an exponent below all that exist.
     let x = -if distance < 90.0 { distance } else { 90.0 };
     let shifted = x * std::f32::consts::LOG2_E + ROUND;
     let k = shifted - ROUND;
@@ -57,6 +54,6 @@ mod tests {
         assert_eq!(exp_negative(0.0), 1.0);
         assert_eq!(exp_negative(1e-30), 1.0);
         assert_eq!([87.7, 1e10, 1e38, f32::INFINITY].map(exp_negative), [0.0; 4]);
-        assert!(exp_negative(LARGEST - 0.01) > 0.0);
+        assert!(exp_negative(87.67) > 0.0);
     }
 }

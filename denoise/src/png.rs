@@ -51,7 +51,8 @@ pub fn write_map(path: &Path, errors: &Array2<f32>) -> Result<(), Error> {
 
 /// The colour of an error; NaN is black.
 fn false_colour(error: f32) -> [u8; 3] {
-    let place = error.max(0.0).min(1.0) * (MAGMA.len() - 1) as f32;
+    let error = if error.is_nan() { 0.0 } else { error.clamp(0.0, 1.0) };
+    let place = error * (MAGMA.len() - 1) as f32;
     let below = (place as usize).min(MAGMA.len() - 2);
     let part = place - below as f32;
     std::array::from_fn(|c| {

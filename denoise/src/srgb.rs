@@ -12,8 +12,9 @@ pub fn decode(display: f32) -> f32 {
 
 /// [`encode`] in double precision, for the metrics.
 pub(crate) fn encode_f64(linear: f64) -> f64 {
-    // `max` takes the number where the other side is NaN.
-    let linear = linear.max(0.0).min(1.0);
+    // `max` takes the number where the other side is NaN; `clamp` would keep NaN.
+    let linear = linear.max(0.0);
+    let linear = if linear > 1.0 { 1.0 } else { linear };
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 

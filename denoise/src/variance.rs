@@ -5,6 +5,7 @@
 //! ratio, smoothed, corrects the first by the second (Rousselle, Knaus and Zwicker 2012; Kalantari, Bako and Sen 2015).
 
 use ndarray::Zip;
+use rayon::prelude::*;
 
 use crate::layers::{Image, Layer, LayerKind, Layers};
 use crate::metrics::RELATIVE_L2_EPSILON;
@@ -54,37 +55,39 @@ pub fn spatial_variance(image: &Image) -> Image {
 
 /// Corrects the variances of all layers by their halves; to be done once, where samples were added up.
 pub fn correct(layers: &mut Layers) {
-    layers.layers.values_mut().for_each(correct_variances);
+    layers.layers.par_iter_mut().for_each(|(_, layer)| correct_variances(layer));
 }
 
-/// Gives a variance to every layer and pixel that has none: the spatial one where there are no halves either, or where
-/// a pixel has a single sample. Returns the layers that got a spatial one.
+/// Gives a variance to every layer and pixel that has none: that of the halves, or the spatial one where there are no
+/// halves either or where a pixel has a single sample. Returns the layers that got a spatial one.
 pub fn complete(layers: &mut Layers) -> Vec<LayerKind> {
-    let mut spatial = Vec::new();
-    for (&kind, layer) in &mut layers.layers {
-        let single =
-            layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
-        if layer.variance.is_none() {
-            correct_variances(layer);
-        }
-        match (&mut layer.variance, single) {
-            (None, _) => {
-                layer.variance = Some(spatial_variance(&layer.mean));
-                spatial.push(kind);
-            }
-            (Some(variance), Some(samples)) => {
-                let around = spatial_variance(&layer.mean);
-                for ((channel, y, x), variance) in variance.indexed_iter_mut() {
-                    if samples[[0, y, x]] < 2.0 {
-                        *variance = around[[channel, y, x]];
-                    }
-                }
-                spatial.push(kind);
-            }
-            (Some(_), None) => {}
-        }
+    let single =
+        layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
+    layers
+        .layers
+        .par_iter_mut()
+        .filter_map(|(&kind, layer)| complete_layer(layer, single).then_some(kind))
+        .collect()
+}
+
+/// Completes one layer; `single` are the sample counts where some are below 2. Returns whether it got a spatial variance.
+fn complete_layer(layer: &mut Layer, single: Option<&Image>) -> bool {
+    if layer.variance.is_none() {
+        correct_variances(layer);
     }
-    spatial
+    match (&mut layer.variance, single) {
+        (None, _) => layer.variance = Some(spatial_variance(&layer.mean)),
+        (Some(variance), Some(samples)) => {
+            let around = spatial_variance(&layer.mean);
+            for ((channel, y, x), variance) in variance.indexed_iter_mut() {
+                if samples[[0, y, x]] < 2.0 {
+                    *variance = around[[channel, y, x]];
+                }
+            }
+        }
+        (Some(_), None) => return false,
+    }
+    true
 }
 
 /// Relative L2 of the noise of a layer against its own truth, from its variance: the mean over pixels and channels of
@@ -165,14 +168,18 @@ mod tests {
     #[test]
     fn the_corrected_variance_is_that_of_the_mean() {
         // Independent samples: 1/12 over their number. Stratified ones: each of n strata has (1/n)²/12, the mean of both
-        // halves 1/(12 n² · 2 n), which the film overestimates n² times. The bounds are as above; the box's clipped
-        // borders weigh a few pixels more, for which a fifth is added.
+        // halves v = 1/(12 n² · 2 n), which the film takes for (1/12 − v) / (2 n − 1). The bounds are as above; the box's
+        // clipped borders weigh a few pixels more, for which a fifth is added.
         for (n, stratified) in [(8, false), (8, true), (2, true)] {
             let mut layer = layer(n, stratified, 5);
             let independent = 1.0 / 12.0 / (2.0 * n as f64);
             let expected = if stratified { independent / (n * n) as f64 } else { independent };
             let before = average(layer.variance.as_ref().unwrap());
-            assert!((before / independent - 1.0).abs() < 0.2, "{before}");
+            let film = (1.0 / 12.0 - expected) / (2.0 * n as f64 - 1.0);
+            assert!(
+                (before / film - 1.0).abs() < 0.02,
+                "{n} {stratified}: {before} instead of {film}"
+            );
             correct_variances(&mut layer);
             let ratio = average(layer.variance.as_ref().unwrap()) / expected;
             assert!((ratio - 1.0).abs() < 1.2 * 4.0 * 0.0142, "{n} {stratified}: {ratio}");

@@ -22,7 +22,7 @@ where
 {
     let height = plane.len() / width;
     let merge = |row: &mut [T], with: &[T]| {
-        row.iter_mut().zip(with).for_each(|(a, &b)| *a = combine(*a, b))
+        row.iter_mut().zip(with).for_each(|(a, &b)| *a = combine(*a, b));
     };
 
     let mut rows = plane.to_vec();

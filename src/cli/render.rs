@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
             Some(threads.install(|| filter(&rendered.layers)).map_err(Failure::Failed)?)
         }
     };
-    let denoising = start.elapsed();
+    let denoising = denoised.as_ref().map(|_| start.elapsed());
 
     describe(&mut rendered, arguments, &settings, threads.current_num_threads());
     let png = output.with_extension("png");
@@ -214,7 +214,8 @@ struct Outcome<'a> {
     output: &'a Path,
     png: &'a Path,
     rendered: &'a Rendered,
-    denoising: Duration,
+    /// `None` where the noise was left in.
+    denoising: Option<Duration>,
     noise: Option<f64>,
 }
 
@@ -236,15 +237,17 @@ impl Outcome<'_> {
         }
         let noise =
             noise.map_or("unknown with one sample".to_owned(), |noise| format!("{noise:.2e}"));
+        let denoised = denoising.map_or("not denoised".to_owned(), |denoising| {
+            format!("denoised in {:.1} s", denoising.as_secs_f64())
+        });
         println!(
-            "{} and {}: {} samples per pixel in {:.1} s ({}samples/s), denoised in {:.1} s; \
-             relative L2 of the noise before denoising, from the halves: {noise}",
+            "{} and {}: {} samples per pixel in {:.1} s ({}samples/s), {denoised}; \
+             relative L2 of the noise before denoising, estimated from the halves: {noise}",
             output.display(),
             png.display(),
             rendered.samples,
             rendered.elapsed.as_secs_f64(),
             human(self.speed()),
-            denoising.as_secs_f64(),
         );
     }
 
@@ -257,7 +260,7 @@ impl Outcome<'_> {
             "samples": self.rendered.samples,
             "invalid_samples": self.rendered.invalid_samples,
             "render_seconds": self.rendered.elapsed.as_secs_f64(),
-            "denoise_seconds": self.denoising.as_secs_f64(),
+            "denoise_seconds": self.denoising.map(|denoising| denoising.as_secs_f64()),
             "samples_per_second": self.speed(),
             "estimated_noisy_relative_l2": self.noise,
         });

@@ -8,10 +8,12 @@ mod features;
 mod filter;
 mod prefilter;
 mod spikes;
+mod stack;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 pub use features::GROUPS;
+use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::layers::{Image, Layer, LayerKind, Layers};
@@ -32,7 +34,7 @@ pub enum Lambda {
 pub struct Parameters {
     /// Multipliers of the pixel distance and of the features.
     pub lambda: Lambda,
-    /// λ_c, the multiplier of the colour distance. The paper's filter has 0.01 fixed (a standard deviation of 7).
+    /// Multiplier `λ_c` of the colour distance. The paper's filter has 0.01 fixed (a standard deviation of 7).
     pub colour: f32,
     /// Radius of the window, at most 27 (55×55 pixels). Smaller is faster and leaves slow noise.
     pub window_radius: usize,
@@ -123,20 +125,20 @@ impl Prepared {
             ..Default::default()
         };
         used.layers.insert(LayerKind::Beauty, beauty(layers)?);
-        used.layers.extend(
-            GROUPS
-                .into_iter()
-                .filter_map(|kind| layers.layers.get(&kind).map(|layer| (kind, layer.clone()))),
-        );
+        let copies: Vec<_> = GROUPS
+            .into_par_iter()
+            .filter_map(|kind| Some((kind, layers.layers.get(&kind)?.clone())))
+            .collect();
+        used.layers.extend(copies);
 
         let sanitised = sanitise(&mut used);
         let spatial_variance = variance::complete(&mut used);
-        let features: Vec<_> = features::features(&used).iter().map(prefilter::prefilter).collect();
-        let Layer { mean: colour, variance, .. } = used
-            .layers
-            .remove(&LayerKind::Beauty)
+        let features = features::features(&used);
+        let features: Vec<_> = features.par_iter().map(prefilter::prefilter).collect();
+        let beauty = used.layers.remove(&LayerKind::Beauty);
+        let (colour, colour_variance) = beauty
+            .and_then(|layer| Some((layer.mean, layer.variance?)))
             .ok_or_else(|| layers.missing(LayerKind::Beauty))?;
-        let colour_variance = variance.expect("every layer was given a variance");
         let groups = features.iter().map(|feature| GROUPS[feature.group]).collect();
         let report = Report { sanitised, spatial_variance, groups, ..Default::default() };
         Ok(Self { colour, colour_variance, features, report })
@@ -170,7 +172,7 @@ impl Prepared {
             report.variance_spikes =
                 spikes::remove_spikes(&mut variance, VARIANCE_SPIKE_RADIUS, threshold);
         }
-        let stack = filter::Stack::new(&self.colour, &variance, &self.features);
+        let stack = stack::Stack::new(&self.colour, &variance, &self.features);
         let rows_done = AtomicUsize::new(0);
         let mut image = stack.filter(parameters, &|| {
             let rows = rows_done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -200,10 +202,10 @@ impl Parameters {
         };
         match &self.lambda {
             Lambda::Constant(values) => {
-                values.iter().try_for_each(|&value| positive("lambda", value))?
+                values.iter().try_for_each(|&value| positive("lambda", value))?;
             }
             Lambda::PerPixel(image) => {
-                image.iter().try_for_each(|&value| positive("lambda", value))?
+                image.iter().try_for_each(|&value| positive("lambda", value))?;
             }
         }
         positive("lambda of the colour", self.colour)?;

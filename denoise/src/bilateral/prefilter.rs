@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use ndarray::s;
 use rayon::prelude::*;
 
 use super::features::Feature;
@@ -20,38 +21,44 @@ const WINDOW: usize = 5;
 const PATCH: usize = 3;
 /// Radius of the average of the weights.
 const SMOOTHING: usize = 2;
-/// Side of a tile: its buffers (74² numbers, 22 kB each) stay in the innermost caches.
-const TILE: usize = 64;
 
+/// Side of the square of pixels that a tile computes with: a multiple of all vector widths, small enough for its buffers
+/// (37 kB each) to stay in the second cache.
+const SIDE: usize = 96;
+/// Pixels around a tile that its averages need.
 const HALO: usize = PATCH + SMOOTHING;
-const SIDE: usize = TILE + 2 * HALO;
+/// Side of a tile.
+const TILE: usize = SIDE - 2 * HALO;
 
 /// Added to the variances, so that equal pixels of no variance are equal.
 const EPSILON: f32 = 1e-10;
 
+/// A number for each column of a tile and its halo.
+type Row = [f32; SIDE];
+
 /// Filters the mean and the variance of a feature.
 pub(super) fn prefilter(feature: &Feature) -> Feature {
     let (channels, height, width) = feature.mean.dim();
-    let planes =
-        Planes { feature, mean: standard(&feature.mean), variance: standard(&feature.variance) };
+    let planes = Padded::new(&feature.mean, &feature.variance);
     let corners: Vec<(usize, usize)> = (0..height)
         .step_by(TILE)
         .flat_map(|y| (0..width).step_by(TILE).map(move |x| (y, x)))
         .collect();
-    let tiles: Vec<Tile> = corners
-        .into_par_iter()
-        .map(|corner| vectorise(TileKernel { planes: &planes, corner }))
-        .collect();
+    let tiles: Vec<Sums> =
+        corners.par_iter().map(|&corner| vectorise(Tile { planes: &planes, corner })).collect();
 
     let mut result = feature.clone();
-    for tile in tiles {
-        for channel in 0..channels {
-            for (local_y, y) in tile.rows.clone().enumerate() {
-                for (local_x, x) in tile.columns.clone().enumerate() {
-                    let at = local_y * TILE + local_x;
-                    result.mean[[channel, y, x]] = tile.sums[channel][at] / tile.weight[at];
-                    result.variance[[channel, y, x]] =
-                        tile.sums[channels + channel][at] / tile.weight[at];
+    for ((top, left), sums) in corners.into_iter().zip(tiles) {
+        let (rows, columns) = (top..(top + TILE).min(height), left..(left + TILE).min(width));
+        for (row, y) in rows.enumerate() {
+            let weight = &sums.weight[row][HALO..];
+            for (plane, values) in sums.values.iter().enumerate() {
+                let image = if plane < channels { &mut result.mean } else { &mut result.variance };
+                let pixels = image.slice_mut(s![plane % channels, y, columns.clone()]);
+                for ((pixel, value), weight) in
+                    pixels.into_iter().zip(&values[row][HALO..]).zip(weight)
+                {
+                    *pixel = value / weight;
                 }
             }
         }
@@ -59,232 +66,262 @@ pub(super) fn prefilter(feature: &Feature) -> Feature {
     result
 }
 
-fn standard(image: &Image) -> Vec<f32> {
-    image.iter().copied().collect()
+/// The channels of the mean, then those of the variance, with room on all sides for the halo and the partners of the
+/// outermost tiles.
+struct Padded {
+    channels: usize,
+    height: usize,
+    width: usize,
+    stride: usize,
+    planes: Vec<Vec<f32>>,
 }
 
-struct Planes<'a> {
-    feature: &'a Feature,
-    mean: Vec<f32>,
-    variance: Vec<f32>,
-}
-
-/// Weighted sums of a tile: the channels of the mean, then those of the variance, `TILE` numbers a row.
-struct Tile {
-    rows: Range<usize>,
-    columns: Range<usize>,
-    weight: Vec<f32>,
-    sums: Vec<Vec<f32>>,
-}
-
-struct TileKernel<'a> {
-    planes: &'a Planes<'a>,
-    corner: (usize, usize),
-}
-
-impl Kernel for TileKernel<'_> {
-    type Output = Tile;
-
-    #[inline(always)]
-    fn run(self) -> Tile {
-        let (channels, height, width) = self.planes.feature.mean.dim();
-        let (top, left) = self.corner;
-        let mut tile = Tile {
-            rows: top..(top + TILE).min(height),
-            columns: left..(left + TILE).min(width),
-            weight: vec![0.0; TILE * TILE],
-            sums: vec![vec![0.0; TILE * TILE]; 2 * channels],
-        };
-        let mut buffers = Buffers {
-            distance: vec![0.0; SIDE * SIDE],
-            rows: vec![0.0; SIDE * SIDE],
-            columns: [0.0; SIDE],
-        };
-        let reach = WINDOW as isize;
-        for dy in -reach..=reach {
-            for dx in -reach..=reach {
-                // The pixels that have a partner at (dx, dy).
-                let valid = Area { rows: shifted(dy, height), columns: shifted(dx, width) };
-                if !valid.rows.is_empty() && !valid.columns.is_empty() {
-                    self.add_offset(&mut tile, &mut buffers, &valid, (dy, dx));
-                }
+impl Padded {
+    fn new(mean: &Image, variance: &Image) -> Self {
+        const BEFORE: usize = HALO + WINDOW;
+        let (channels, height, width) = mean.dim();
+        let stride = width + SIDE + 2 * WINDOW;
+        let planes = mean.outer_iter().chain(variance.outer_iter()).map(|plane| {
+            let mut values = vec![0.0; (height + SIDE + 2 * WINDOW) * stride];
+            for (y, row) in plane.outer_iter().enumerate() {
+                let start = (y + BEFORE) * stride + BEFORE;
+                values[start..start + width]
+                    .iter_mut()
+                    .zip(row)
+                    .for_each(|(value, &pixel)| *value = pixel);
             }
-        }
-        tile
+            values
+        });
+        Self { channels, height, width, stride, planes: planes.collect() }
     }
 }
 
-/// A rectangle of pixels.
-struct Area {
-    rows: Range<usize>,
-    columns: Range<usize>,
+/// Weights, and weighted values of each plane, for the rows of a tile.
+struct Sums {
+    weight: Vec<Row>,
+    values: Vec<Vec<Row>>,
 }
 
-impl Area {
-    /// The part within `margin` of the tile.
+/// The tile whose first pixel is `corner`, row and column.
+struct Tile<'a> {
+    planes: &'a Padded,
+    corner: (usize, usize),
+}
+
+/// An offset and what it means for a tile.
+struct Offset {
+    dy: isize,
+    dx: isize,
+    /// Rows and columns whose partner is in the picture.
+    rows: Range<usize>,
+    columns: Range<usize>,
+    /// 1 in those columns of the tile, 0 elsewhere.
+    inside: Row,
+    /// One over the number of those columns in a patch, and in the window that smooths.
+    patch: Row,
+    smoothing: Row,
+}
+
+impl Kernel for Tile<'_> {
+    type Output = Sums;
+
     #[inline(always)]
-    fn near(&self, tile: &Tile, margin: usize) -> Self {
-        Self {
-            rows: overlap(&self.rows, &tile.rows, margin),
-            columns: overlap(&self.columns, &tile.columns, margin),
+    fn run(self) -> Sums {
+        let zeros = || vec![[0.0; SIDE]; TILE];
+        let mut sums = Sums {
+            weight: zeros(),
+            values: (0..2 * self.planes.channels).map(|_| zeros()).collect(),
+        };
+        let mut buffers = [(); 2].map(|()| vec![[0.0; SIDE]; SIDE]);
+        let reach = WINDOW as isize;
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                let offset = self.offset(dy, dx);
+                if !offset.rows.is_empty() && !offset.columns.is_empty() {
+                    self.weigh(&mut buffers, &offset);
+                    self.add(&mut sums, &buffers[1], &offset);
+                }
+            }
         }
+        sums
+    }
+}
+
+impl Tile<'_> {
+    #[inline(always)]
+    fn offset(&self, dy: isize, dx: isize) -> Offset {
+        let (rows, columns) = (shifted(dy, self.planes.height), shifted(dx, self.planes.width));
+        let (_, left) = self.corner;
+        let mut offset = Offset {
+            dy,
+            dx,
+            rows,
+            columns,
+            inside: [0.0; SIDE],
+            patch: [0.0; SIDE],
+            smoothing: [0.0; SIDE],
+        };
+        for local in 0..SIDE {
+            // Columns left of the picture have no number.
+            let Some(x) = (left + local).checked_sub(HALO).filter(|x| offset.columns.contains(x))
+            else {
+                continue;
+            };
+            offset.inside[local] = 1.0;
+            offset.patch[local] = inverse_count(&offset.columns, x, PATCH);
+            offset.smoothing[local] = inverse_count(&offset.columns, x, SMOOTHING);
+        }
+        offset
+    }
+
+    /// Row of the picture that a row of the buffers is, if its partner is in the picture too.
+    #[inline(always)]
+    fn row_of(&self, local: usize, offset: &Offset) -> Option<usize> {
+        (self.corner.0 + local).checked_sub(HALO).filter(|y| offset.rows.contains(y))
+    }
+
+    /// Sums of the smoothed weights over the columns of a window, into the second buffer.
+    #[inline(always)]
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "one index for all arrays is the form that vectorises"
+    )]
+    fn weigh(&self, [distances, weights]: &mut [Vec<Row>; 2], offset: &Offset) {
+        for (local, sums) in distances.iter_mut().enumerate() {
+            *sums = match self.row_of(local, offset) {
+                Some(_) if self.planes.channels == 3 => {
+                    sum_columns::<PATCH>(&self.distance::<3>(local, offset))
+                }
+                Some(_) => sum_columns::<PATCH>(&self.distance::<1>(local, offset)),
+                None => [0.0; SIDE],
+            };
+        }
+        for local in PATCH..SIDE - PATCH {
+            weights[local] = match self.row_of(local, offset) {
+                Some(y) => {
+                    let mut weight = sum_rows::<PATCH>(distances, local);
+                    let count = inverse_count(&offset.rows, y, PATCH);
+                    for column in 0..SIDE {
+                        let distance = weight[column] * (count * offset.patch[column]);
+                        weight[column] =
+                            if offset.inside[column] != 0.0 { exp_negative(distance) } else { 0.0 };
+                    }
+                    sum_columns::<SMOOTHING>(&weight)
+                }
+                None => [0.0; SIDE],
+            };
+        }
+    }
+
+    /// Squared differences in units of the variance, mean over the channels; 0 where there is no partner.
+    #[inline(always)]
+    fn distance<const CHANNELS: usize>(&self, local: usize, offset: &Offset) -> Row {
+        let mean: [_; CHANNELS] = std::array::from_fn(|channel| self.pixels(channel, local));
+        let variance: [_; CHANNELS] =
+            std::array::from_fn(|channel| self.pixels(CHANNELS + channel, local));
+        let partner_mean: [_; CHANNELS] =
+            std::array::from_fn(|channel| self.partners(channel, local, offset));
+        let partner_variance: [_; CHANNELS] =
+            std::array::from_fn(|channel| self.partners(CHANNELS + channel, local, offset));
+        let mut distance = [0.0; SIDE];
+        for column in 0..SIDE {
+            let mut sum = 0.0;
+            for channel in 0..CHANNELS {
+                let difference = partner_mean[channel][column] - mean[channel][column];
+                let variance =
+                    EPSILON + (partner_variance[channel][column] + variance[channel][column]);
+                sum += difference * difference / variance;
+            }
+            distance[column] =
+                if offset.inside[column] != 0.0 { sum * (1.0 / CHANNELS as f32) } else { 0.0 };
+        }
+        distance
+    }
+
+    /// Adds the partners to the sums of the tile.
+    #[inline(always)]
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "one index for all arrays is the form that vectorises"
+    )]
+    fn add(&self, sums: &mut Sums, weights: &[Row], offset: &Offset) {
+        for local in HALO..SIDE - HALO {
+            let Some(y) = self.row_of(local, offset) else { continue };
+            let count = inverse_count(&offset.rows, y, SMOOTHING);
+            let mut weight = sum_rows::<SMOOTHING>(weights, local);
+            for column in 0..SIDE {
+                weight[column] *= count * offset.smoothing[column];
+            }
+            let row = local - HALO;
+            for (sum, weight) in sums.weight[row].iter_mut().zip(&weight) {
+                *sum += weight;
+            }
+            for (plane, sums) in sums.values.iter_mut().enumerate() {
+                let partners = self.partners(plane, local, offset);
+                let sums = &mut sums[row];
+                for column in 0..SIDE {
+                    sums[column] += weight[column] * partners[column];
+                }
+            }
+        }
+    }
+
+    /// A row of the tile and its halo.
+    #[inline(always)]
+    fn pixels(&self, plane: usize, local: usize) -> &Row {
+        let start = (self.corner.0 + local + WINDOW) * self.planes.stride + self.corner.1 + WINDOW;
+        first(&self.planes.planes[plane][start..])
+    }
+
+    /// The partners of [`Tile::pixels`].
+    #[inline(always)]
+    fn partners(&self, plane: usize, local: usize, offset: &Offset) -> &Row {
+        let start = (self.corner.0 + local + WINDOW) * self.planes.stride + self.corner.1 + WINDOW;
+        let shift = offset.dy * self.planes.stride as isize + offset.dx;
+        first(&self.planes.planes[plane][start.wrapping_add_signed(shift)..])
     }
 }
 
 #[inline(always)]
-fn overlap(valid: &Range<usize>, tile: &Range<usize>, margin: usize) -> Range<usize> {
-    let start = valid.start.max(tile.start.saturating_sub(margin));
-    start..valid.end.min(tile.end + margin).max(start)
+fn first(values: &[f32]) -> &Row {
+    values.first_chunk().expect("the planes are padded")
 }
 
 /// Indices `i` in `0..length` whose `i + offset` is in it too.
 #[inline(always)]
 fn shifted(offset: isize, length: usize) -> Range<usize> {
-    let start = (-offset).max(0) as usize;
-    start..length.saturating_sub(offset.max(0) as usize)
+    offset.min(0).unsigned_abs()..length.saturating_sub(offset.max(0).unsigned_abs())
 }
 
-/// Planes of `SIDE` numbers a row, whose first pixel is `HALO` above and left of the tile.
-struct Buffers {
-    distance: Vec<f32>,
-    rows: Vec<f32>,
-    /// What the columns of an area contribute to the size of a clipped window, inverse.
-    columns: [f32; SIDE],
-}
-
-/// Fills `inverse` with one over the number of valid indices within `radius` of each index of `part`.
+/// One over the number of indices of `valid` within `radius` of `centre`, which is one of them.
 #[inline(always)]
-fn inverse_counts<'a>(
-    inverse: &'a mut [f32],
-    valid: &Range<usize>,
-    part: &Range<usize>,
-    radius: usize,
-) -> &'a [f32] {
-    let inverse = &mut inverse[..part.len()];
-    for (index, inverse) in part.clone().zip(&mut *inverse) {
-        *inverse = 1.0 / overlap(valid, &(index..index + 1), radius).len() as f32;
-    }
-    inverse
+fn inverse_count(valid: &Range<usize>, centre: usize, radius: usize) -> f32 {
+    1.0 / ((centre + radius + 1).min(valid.end) - centre.saturating_sub(radius).max(valid.start))
+        as f32
 }
 
-impl TileKernel<'_> {
-    #[inline(always)]
-    fn add_offset(
-        &self,
-        tile: &mut Tile,
-        buffers: &mut Buffers,
-        valid: &Area,
-        (dy, dx): (isize, isize),
-    ) {
-        let (channels, height, width) = self.planes.feature.mean.dim();
-        let (mean, variance) = (&self.planes.mean, &self.planes.variance);
-        let row = |plane: usize, y: usize, columns: &Range<usize>| {
-            let start = (plane * height + y) * width;
-            start + columns.start..start + columns.end
-        };
-        let partner = |range: &Range<usize>| {
-            let shift = dy * width as isize + dx;
-            range.start.wrapping_add_signed(shift)..range.end.wrapping_add_signed(shift)
-        };
-        let (top, left) = self.corner;
-        let local = |y: usize, columns: &Range<usize>| {
-            let start = (y + HALO - top) * SIDE + HALO - left;
-            start + columns.start..start + columns.end
-        };
-
-        // Squared differences in units of the variance, wherever a patch of the tile may need them.
-        let area = valid.near(tile, HALO);
-        let scale = 1.0 / channels as f32;
-        buffers.distance.fill(0.0);
-        for y in area.rows.clone() {
-            let distance = &mut buffers.distance[local(y, &area.columns)];
-            for channel in 0..channels {
-                let here = row(channel, y, &area.columns);
-                let there = partner(&here);
-                let means = mean[here.clone()].iter().zip(&mean[there.clone()]);
-                let variances = variance[here].iter().zip(&variance[there]);
-                for ((distance, (f, g)), (v, w)) in distance.iter_mut().zip(means).zip(variances) {
-                    *distance += (g - f) * (g - f) / (EPSILON + w + v) * scale;
-                }
-            }
-        }
-
-        // Mean over the patch, then the weight; pixels without a partner weigh nothing.
-        box_sum::<PATCH>(buffers);
-        let area = valid.near(tile, SMOOTHING);
-        let columns = inverse_counts(&mut buffers.columns, &valid.columns, &area.columns, PATCH);
-        for y in area.rows.clone() {
-            let row = 1.0 / overlap(&valid.rows, &(y..y + 1), PATCH).len() as f32;
-            for (value, column) in buffers.distance[local(y, &area.columns)].iter_mut().zip(columns)
-            {
-                *value = exp_negative(*value * (row * column));
-            }
-        }
-        keep(&mut buffers.distance, &area, self.corner);
-
-        // Mean of the weights, then the sums.
-        box_sum::<SMOOTHING>(buffers);
-        let area = valid.near(tile, 0);
-        let columns =
-            inverse_counts(&mut buffers.columns, &valid.columns, &area.columns, SMOOTHING);
-        for y in area.rows.clone() {
-            let row_count = 1.0 / overlap(&valid.rows, &(y..y + 1), SMOOTHING).len() as f32;
-            let weights = &mut buffers.distance[local(y, &area.columns)];
-            weights
-                .iter_mut()
-                .zip(columns)
-                .for_each(|(weight, column)| *weight *= row_count * column);
-            let start = (y - top) * TILE + area.columns.start - left;
-            let at = start..start + area.columns.len();
-            tile.weight[at.clone()]
-                .iter_mut()
-                .zip(&*weights)
-                .for_each(|(sum, weight)| *sum += weight);
-            for channel in 0..channels {
-                let there = partner(&row(channel, y, &area.columns));
-                for (source, sums) in [(mean, channel), (variance, channels + channel)] {
-                    let sums = tile.sums[sums][at.clone()].iter_mut();
-                    for ((sum, weight), value) in sums.zip(&*weights).zip(&source[there.clone()]) {
-                        *sum += weight * value;
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Sets everything outside `area` to zero, so that it adds nothing to the next sums.
+/// Sums over `R` columns to both sides; the outermost `R` columns stay 0.
 #[inline(always)]
-fn keep(plane: &mut [f32], area: &Area, (top, left): (usize, usize)) {
-    let local_rows = area.rows.start + HALO - top..area.rows.end + HALO - top;
-    let local_columns = area.columns.start + HALO - left..area.columns.end + HALO - left;
-    for (y, row) in plane.chunks_exact_mut(SIDE).enumerate() {
-        if local_rows.contains(&y) {
-            row[..local_columns.start].fill(0.0);
-            row[local_columns.end..].fill(0.0);
-        } else {
-            row.fill(0.0);
-        }
-    }
-}
-
-/// Replaces `distance` by its sums over windows of radius `R`, except in the outermost `R` pixels of the buffer.
-#[inline(always)]
-fn box_sum<const R: usize>(buffers: &mut Buffers) {
-    let Buffers { distance, rows, .. } = buffers;
-    for (sums, row) in rows.chunks_exact_mut(SIDE).zip(distance.chunks_exact(SIDE)) {
-        let sums = &mut sums[R..SIDE - R];
-        sums.copy_from_slice(&row[..SIDE - 2 * R]);
+fn sum_columns<const R: usize>(row: &Row) -> Row {
+    let mut sums = [0.0; SIDE];
+    for column in 0..SIDE - 2 * R {
+        let mut sum = row[column];
         for tap in 1..=2 * R {
-            sums.iter_mut().zip(&row[tap..]).for_each(|(sum, value)| *sum += value);
+            sum += row[column + tap];
+        }
+        sums[column + R] = sum;
+    }
+    sums
+}
+
+/// Sums over `R` rows to both sides.
+#[inline(always)]
+fn sum_rows<const R: usize>(rows: &[Row], local: usize) -> Row {
+    let mut sums = rows[local - R];
+    for other in &rows[local - R + 1..=local + R] {
+        for column in 0..SIDE {
+            sums[column] += other[column];
         }
     }
-    for y in R..SIDE - R {
-        let (sums, start) = (&mut distance[y * SIDE..(y + 1) * SIDE], (y - R) * SIDE);
-        sums.copy_from_slice(&rows[start..start + SIDE]);
-        for tap in 1..=2 * R {
-            let start = start + tap * SIDE;
-            sums.iter_mut().zip(&rows[start..start + SIDE]).for_each(|(sum, value)| *sum += value);
-        }
-    }
+    sums
 }

@@ -1,6 +1,7 @@
 //! Spike removal: pixels far out of what their neighbours say.
 
 use ndarray::Axis;
+use rayon::prelude::*;
 
 use crate::layers::Image;
 use crate::window::{clipped, fold, median, neighbourhood, plane};
@@ -18,13 +19,13 @@ pub(crate) fn remove_spikes(image: &mut Image, radius: usize, threshold: f32) ->
         let squares: Vec<f64> = values.iter().map(|value| value * value).collect();
         let [sums, square_sums] =
             [&values, &squares].map(|plane| fold(plane, width, radius, |a, b| a + b));
-        for (index, spike) in spike.iter_mut().enumerate() {
+        spike.par_iter_mut().enumerate().for_each(|(index, spike)| {
             let (y, x) = (index / width, index % width);
-            let count =
-                (clipped(y, radius, height).len() * clipped(x, radius, width).len() - 1) as f64;
-            if count < 2.0 {
-                continue;
+            let neighbours = clipped(y, radius, height).len() * clipped(x, radius, width).len() - 1;
+            if neighbours < 2 {
+                return;
             }
+            let count = neighbours as f64;
             let mean = (sums[index] - values[index]) / count;
             let variance =
                 ((square_sums[index] - squares[index]) - count * mean * mean) / (count - 1.0);
@@ -32,7 +33,7 @@ pub(crate) fn remove_spikes(image: &mut Image, radius: usize, threshold: f32) ->
             // The last term is the rounding of an image of 32 bits, which is no spike in a flat neighbourhood.
             *spike |=
                 deviation > f64::from(threshold) * variance.max(0.0).sqrt() + 1e-6 * mean.abs();
-        }
+        });
     }
 
     let spikes: Vec<usize> = (0..spike.len()).filter(|&index| spike[index]).collect();

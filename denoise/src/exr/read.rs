@@ -1,6 +1,7 @@
 //! Reading our own files and those of other renderers.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -41,6 +42,9 @@ pub fn read(path: &Path) -> Result<Contents, Error> {
 }
 
 type File = pixels::Image<pixels::Layers<pixels::AnyChannels<pixels::FlatSamples>>>;
+
+/// A channel of the file: its name, the index of the file's part and the index in that part.
+type Source = (String, usize, usize);
 
 /// Images that were found, and what else the file says.
 struct Found {
@@ -107,9 +111,8 @@ fn collect(path: &Path, file: File) -> Result<Found, Error> {
     let mut metadata = BTreeMap::new();
     let mut samples_per_pixel = None;
     let mut ignored = Vec::new();
-    // Meaning → the channels that carry it: component → (name, index of the file's part, index of the channel).
-    let mut candidates: BTreeMap<(Part, u8), BTreeMap<usize, (String, usize, usize)>> =
-        BTreeMap::new();
+    // By part and rank, then by component.
+    let mut candidates: BTreeMap<(Part, u8), BTreeMap<usize, Source>> = BTreeMap::new();
 
     for (part_index, part) in file.layer_data.iter().enumerate() {
         for (key, value) in file.attributes.other.iter().chain(&part.attributes.other) {
@@ -120,7 +123,7 @@ fn collect(path: &Path, file: File) -> Result<Found, Error> {
                     metadata.insert(key, String::from_utf8_lossy(text.bytes()).into_owned());
                 }
                 AttributeValue::I32(samples) if key == "samplesPerPixel" => {
-                    samples_per_pixel = Some(*samples as f32)
+                    samples_per_pixel = Some(*samples as f32);
                 }
                 _ => {}
             }
@@ -129,7 +132,7 @@ fn collect(path: &Path, file: File) -> Result<Found, Error> {
             part.attributes.layer_name.as_ref().map(|name| String::from_utf8_lossy(name.bytes()));
         for (channel_index, channel) in part.channel_data.list.iter().enumerate() {
             let plain = String::from_utf8_lossy(channel.name.bytes()).into_owned();
-            match meaning(&plain, part_name.as_deref().filter(|_| multipart), part_index) {
+            match meaning(&plain, part_name.as_deref().filter(|_| multipart)) {
                 Some(Meaning { part, component, rank }) => {
                     let components = candidates.entry((part, rank)).or_default();
                     components.entry(component).or_insert((plain, part_index, channel_index));
@@ -140,16 +143,18 @@ fn collect(path: &Path, file: File) -> Result<Found, Error> {
     }
 
     // Of each part, the best name that has all its channels.
-    let mut chosen: BTreeMap<Part, Vec<(String, usize, usize)>> = BTreeMap::new();
+    let mut chosen: BTreeMap<Part, Vec<Source>> = BTreeMap::new();
     let mut incomplete: BTreeMap<Part, Vec<String>> = BTreeMap::new();
     for ((part, _), components) in candidates {
         let names = components.values().map(|(name, ..)| name.clone());
-        if chosen.contains_key(&part) {
-            ignored.extend(names);
-        } else if components.len() < part.components().len() {
-            incomplete.entry(part).or_default().extend(names);
-        } else {
-            chosen.insert(part, components.into_values().collect());
+        match chosen.entry(part) {
+            Entry::Occupied(_) => ignored.extend(names),
+            Entry::Vacant(_) if components.len() < part.components().len() => {
+                incomplete.entry(part).or_default().extend(names);
+            }
+            Entry::Vacant(entry) => {
+                entry.insert(components.into_values().collect());
+            }
         }
     }
     for (part, names) in incomplete {
@@ -206,16 +211,13 @@ fn collect(path: &Path, file: File) -> Result<Found, Error> {
 }
 
 /// Meaning of a channel. In a file of several parts the part's name stands before the channel's, unless the channel's
-/// own name says enough; the plain `R G B` of the first part are the picture, whatever the part is called.
-fn meaning(name: &str, part_name: Option<&str>, part_index: usize) -> Option<Meaning> {
+/// own name says enough; where neither says anything, plain `R G B` are the picture, whatever the part is called.
+fn meaning(name: &str, part_name: Option<&str>) -> Option<Meaning> {
     let own = recognise(name);
     match (own, part_name) {
         (own, None) => own,
         (Some(meaning), _) if name.contains('.') => Some(meaning),
-        (own, Some(part_name)) => {
-            let plain_picture = own.filter(|own| own.part != Part::Picture || part_index == 0);
-            recognise(&format!("{part_name}.{name}")).or(plain_picture)
-        }
+        (own, Some(part_name)) => recognise(&format!("{part_name}.{name}")).or(own),
     }
 }
 

@@ -58,7 +58,7 @@ fn write_foreign(
 }
 
 fn message(result: Result<Contents, Error>) -> String {
-    result.err().expect("must be refused").to_string()
+    result.expect_err("must be refused").to_string()
 }
 
 #[test]
@@ -205,10 +205,11 @@ fn the_parts_of_a_file_name_their_channels() {
         )
     };
     let parts = [
+        part("depth", &["Z"], 4.0),
         part("main", &["R", "G", "B"], 1.0),
+        part("another", &["R", "G", "B"], 9.0),
         part("albedo", &["R", "G", "B"], 2.0),
         part("N", &["X", "Y", "Z"], 3.0),
-        part("depth", &["Z"], 4.0),
     ];
     let attributes = ::exr::prelude::ImageAttributes::with_size((2, 2));
     let parts: ::exr::image::Layers<_> = parts.into_iter().collect();
@@ -275,7 +276,7 @@ fn a_small_file_that_promises_many_pixels_is_refused_before_memory_is_taken() {
     bytes[at + 12..at + 16].copy_from_slice(&1_000_000_i32.to_le_bytes());
     std::fs::write(&path, &bytes).unwrap();
     let message = message(read(&path));
-    assert!(message.contains("promises") || message.contains("damaged"), "{message}");
+    assert!(message.contains("promises"), "{message}");
 }
 
 #[test]

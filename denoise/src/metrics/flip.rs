@@ -54,7 +54,7 @@ pub fn flip_map(
 
 type Plane = Array2<f64>;
 
-/// Linear Rec. 709 to CIE XYZ and back, with the white of display white.
+/// Linear light to CIE XYZ and back, with the white of display white.
 struct Space {
     to_xyz: [[f64; 3]; 3],
     from_xyz: [[f64; 3]; 3],
@@ -79,13 +79,13 @@ impl Space {
         Self { from_xyz: invert(&to_xyz), to_xyz, white }
     }
 
-    /// YCxCz, a linear form of CIELAB (section 4.1), of linear light.
+    /// `YCxCz`, a linear form of CIELAB (section 4.1), of linear light.
     fn opponent(&self, rgb: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = self.relative_xyz(rgb);
         [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
     }
 
-    /// Linear light of YCxCz.
+    /// Linear light of `YCxCz`.
     fn linear(&self, [y, cx, cz]: [f64; 3]) -> [f64; 3] {
         let y = (y + 16.0) / 116.0;
         let relative = [y + cx / 500.0, y, y - cz / 200.0];
@@ -126,7 +126,7 @@ fn invert(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     std::array::from_fn(|row| std::array::from_fn(|column| cofactor(column, row) / determinant))
 }
 
-/// The three planes of an image in YCxCz.
+/// The three planes of an image in `YCxCz`.
 fn opponent(image: &Image, space: &Space) -> [Plane; 3] {
     let (_, height, width) = image.dim();
     let mut planes = [(); 3].map(|()| Plane::zeros((height, width)));
