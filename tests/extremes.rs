@@ -85,7 +85,7 @@ fn walks_between_perfect_mirrors_end() {
     let mut longest = 0;
     for pixel in (0..8).flat_map(|y| (0..8).map(move |x| [x, y])) {
         replay(&scene, &settings(1, 8, Mis), pixel, 0, |vertex| {
-            longest = longest.max(vertex.depth)
+            longest = longest.max(vertex.depth);
         });
     }
     assert!((6..1000).contains(&longest), "{longest} hits");

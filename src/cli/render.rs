@@ -68,9 +68,9 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
 
     let outcome = Outcome { output: &output, png: &png, rendered: &rendered, denoising, noise };
     if arguments.json {
-        outcome.print_json()
+        outcome.print_json();
     } else {
-        outcome.print()
+        outcome.print();
     }
     if is_interrupted { Err(Failure::Interrupted) } else { Ok(()) }
 }

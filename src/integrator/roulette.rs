@@ -17,7 +17,10 @@ pub fn russian_roulette(q: f64, c: f64, u: f64, evaluate: impl FnOnce() -> f64) 
 /// for being there. The lower limit bounds the weight that a survivor can gain to 20; the upper one ends walks between
 /// two perfect mirrors.
 pub fn survive(importance: f32, u: f32) -> Option<f32> {
-    // `clamp` would keep a NaN; `max` turns it into the lower limit, and the sample is dropped where it is added up.
+    #[expect(
+        clippy::manual_clamp,
+        reason = "`clamp` would keep a NaN; `max` turns it into the lower limit, and the sample is dropped where it is added up"
+    )]
     let probability = importance.max(0.05).min(0.95);
     (u < probability).then(|| 1.0 / probability)
 }
