@@ -35,7 +35,7 @@ pub(super) enum Command {
 pub(super) struct SceneArguments {
     /// Mitsuba 3 scene (.xml), plain .obj with .mtl, or a folder with a scene.xml
     pub(super) scene: PathBuf,
-    /// Set a <default> of the scene, such as `-D max_depth=8`
+    /// Set a `<default>` of the scene, such as `-D max_depth=8`
     #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = definition)]
     pub(super) definitions: Vec<(String, String)>,
     /// Picture size, such as 640x480, instead of the scene's
