@@ -7,7 +7,9 @@
 #![allow(clippy::print_stdout, reason = "a program for developers")]
 
 use quietlight_denoise::bilateral::{Lambda, Parameters, Prepared};
-use quietlight_denoise::{Error, Image, LayerKind, exr, metrics::relative_l2, picture::read_picture};
+use quietlight_denoise::{
+    Error, Image, LayerKind, exr, metrics::relative_l2, picture::read_picture,
+};
 use std::path::Path;
 
 /// Layers ready to be filtered, the truth, and the relative L2 before.
@@ -31,7 +33,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut best = [0.01, 0.1, 0.1, 0.1, 0.1, 0.1, 0.01];
     let mut best_score = score(&pairs, best)?;
     println!("start {best:?}: {best_score:.4}");
-    for factors in [[0.0, 0.0625, 0.25, 4.0, 16.0].as_slice(), [0.5, 2.0].as_slice(), [0.7, 1.4].as_slice()] {
+    for factors in
+        [[0.0, 0.0625, 0.25, 4.0, 16.0].as_slice(), [0.5, 2.0].as_slice(), [0.7, 1.4].as_slice()]
+    {
         loop {
             let before = best_score;
             for parameter in 0..best.len() {
@@ -68,7 +72,8 @@ fn load(noisy: &Path, reference: &Path) -> Result<Pair, Error> {
 fn ratio(pair: &Pair, [l0, l1, l2, l3, l4, l5, colour]: [f32; 7]) -> Result<f64, Error> {
     let lambda = Lambda::Constant([l0, l1, l2, l3, l4, l5]);
     let parameters = Parameters { lambda, colour, ..Parameters::default() };
-    Ok(relative_l2(&pair.prepared.filter(&parameters, &|_| {})?.image, &pair.reference)? / pair.before)
+    Ok(relative_l2(&pair.prepared.filter(&parameters, &|_| {})?.image, &pair.reference)?
+        / pair.before)
 }
 
 fn score(pairs: &[Pair], parameters: [f32; 7]) -> Result<f64, Error> {

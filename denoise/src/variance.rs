@@ -61,7 +61,8 @@ pub fn correct(layers: &mut Layers) {
 /// Gives a variance to every layer and pixel that has none: that of the halves, or the spatial one where there are no
 /// halves either or where a pixel has a single sample. Returns the layers that got a spatial one.
 pub fn complete(layers: &mut Layers) -> Vec<LayerKind> {
-    let single = layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
+    let single =
+        layers.samples.as_ref().filter(|samples| samples.iter().any(|&samples| samples < 2.0));
     layers
         .layers
         .par_iter_mut()
