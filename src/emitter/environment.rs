@@ -24,16 +24,16 @@ impl Environment {
     pub(super) fn radiance(&self, direction: Vec3) -> Rgb {
         match self {
             Self::Constant(colour) => *colour,
-            Self::Map(map) => map.radiance(map.locate(direction)),
+            Self::Map(map) => map.radiance(direction),
         }
     }
 
-    /// Density of `direction` per steradian.
+    /// Radiance from the unit direction `direction`, and its density per steradian.
     #[inline]
-    pub(super) fn pdf(&self, direction: Vec3) -> f32 {
+    pub(super) fn radiance_and_pdf(&self, direction: Vec3) -> (Rgb, f32) {
         match self {
-            Self::Constant(_) => warp::SPHERE_PDF,
-            Self::Map(map) => map.pdf(map.locate(direction)),
+            Self::Constant(colour) => (*colour, warp::SPHERE_PDF),
+            Self::Map(map) => map.radiance_and_pdf(direction),
         }
     }
 

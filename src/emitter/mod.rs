@@ -170,10 +170,15 @@ impl Emitters {
     /// Density, selection included, with which [`Emitters::sample`] gives that direction of the environment.
     #[inline]
     pub fn environment_pdf(&self, direction: Vec3) -> f32 {
-        self.environment_source().map_or(0.0, |(id, environment)| {
-            let probability = self.probability(id);
-            // The environment need not be looked up when it is black.
-            if probability > 0.0 { probability * environment.pdf(direction) } else { 0.0 }
+        self.environment_with_pdf(direction).1
+    }
+
+    /// [`Emitters::environment`] and [`Emitters::environment_pdf`] of one direction, looked up once.
+    #[inline]
+    pub fn environment_with_pdf(&self, direction: Vec3) -> (Rgb, f32) {
+        self.environment_source().map_or((Rgb::BLACK, 0.0), |(id, environment)| {
+            let (radiance, pdf) = environment.radiance_and_pdf(direction);
+            (radiance, self.probability(id) * pdf)
         })
     }
 

@@ -238,11 +238,15 @@ impl PathTracing {
         if scene.limits.hide_emitters && depth == 1 {
             return Rgb::BLACK;
         }
-        let radiance = scene.emitters.environment(ray.direction);
+        let (radiance, light_pdf) = if departure.is_delta || self.strategy != Strategy::Mis {
+            (scene.emitters.environment(ray.direction), 0.0)
+        } else {
+            scene.emitters.environment_with_pdf(ray.direction)
+        };
         if radiance.is_black() {
             return radiance;
         }
-        radiance * self.hit_weight(departure, || scene.emitters.environment_pdf(ray.direction))
+        radiance * self.hit_weight(departure, || light_pdf)
     }
 
     /// Weight of emission that a walk ran into; `light_pdf` is the density of finding it as direct light.

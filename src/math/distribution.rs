@@ -105,7 +105,8 @@ pub struct Cell {
 }
 
 /// A grid of cells, one chosen in proportion to its weight by inverting first the cumulative sum of the rows' weights,
-/// then that of the row's cells. Unlike an alias table this keeps stratified points stratified.
+/// then that of the row's cells. Unlike an alias table this keeps stratified points stratified. Guide tables (Chen and
+/// Asau 1974, "On Generating Random Variates from an Empirical Distribution") tell where to search.
 #[derive(Clone, Debug)]
 pub struct Grid {
     width: usize,
@@ -113,6 +114,10 @@ pub struct Grid {
     rows: Vec<f32>,
     /// Cumulative conditional probability of the cells of each row: `width + 1` values a row.
     columns: Vec<f32>,
+    /// Guide of `rows`.
+    row_guide: Vec<u32>,
+    /// Guides of each row's cells: `buckets(width) + 1` values a row.
+    column_guides: Vec<u32>,
 }
 
 impl Grid {
@@ -133,15 +138,19 @@ impl Grid {
         }
         let scaled: Vec<f64> = weights.iter().map(|&weight| usable(weight) / largest).collect();
         let sums: Vec<f64> = scaled.chunks_exact(width).map(|row| row.iter().sum()).collect();
-        let columns = scaled.chunks_exact(width).flat_map(cumulative).collect();
-        Some(Self { width, rows: cumulative(&sums), columns })
+        let columns: Vec<f32> = scaled.chunks_exact(width).flat_map(cumulative).collect();
+        let column_guides = columns.chunks_exact(width + 1).flat_map(guide).collect();
+        let rows = cumulative(&sums);
+        Some(Self { width, row_guide: guide(&rows), rows, columns, column_guides })
     }
 
     /// Chooses a cell, the row by `u.y` and the column by `u.x`, both in `[0, 1)`.
     #[inline]
     pub fn sample(&self, u: Vec2) -> Cell {
-        let (row, row_pmf, y) = invert(&self.rows, u.y);
-        let (column, column_pmf, x) = invert(self.row(row), u.x);
+        let (row, row_pmf, y) = invert(&self.rows, &self.row_guide, u.y);
+        let guide_length = buckets(self.width) + 1;
+        let guide = &self.column_guides[row * guide_length..][..guide_length];
+        let (column, column_pmf, x) = invert(self.row(row), guide, u.x);
         Cell { index: [column, row], pmf: row_pmf * column_pmf, position: Vec2::new(x, y) }
     }
 
@@ -193,11 +202,36 @@ fn cumulative(weights: &[f64]) -> Vec<f32> {
     std::iter::once(0.0).chain(sums).collect()
 }
 
+/// Into how many equal parts a guide divides `[0, 1)` for `count` weights: on average two sums fall into each.
+#[inline]
+fn buckets(count: usize) -> usize {
+    count.div_ceil(2)
+}
+
+/// The part of `[0, 1)`, of `count`, that holds `u`. Rounding may shift the parts' edges, but a larger number never
+/// gets a lower part, and searches need no more than that.
+#[inline]
+fn bucket(u: f32, count: usize) -> usize {
+    ((u * count as f32) as usize).min(count - 1)
+}
+
+/// For every part of `[0, 1)` how many of the cumulative sums lie in parts before it, and at the end how many there are.
+fn guide(cumulative: &[f32]) -> Vec<u32> {
+    let count = buckets(cumulative.len() - 1);
+    (0..=count)
+        .map(|part| cumulative.partition_point(|&sum| bucket(sum, count) < part) as u32)
+        .collect()
+}
+
 /// The interval of the cumulative sums that holds `u`, its probability and the place of `u` in it.
 #[inline]
-fn invert(cumulative: &[f32], u: f32) -> (usize, f32, f32) {
+fn invert(cumulative: &[f32], guide: &[u32], u: f32) -> (usize, f32, f32) {
+    // Sums in parts before that of u are smaller than u, those in later parts larger: it remains to search its own part.
+    let part = bucket(u, guide.len() - 1);
+    let (first, last) = (guide[part] as usize, guide[part + 1] as usize);
+    let end = first + cumulative[first..last].partition_point(|&sum| sum <= u);
     // The last sum is 1 and u is less, so that the interval found ends above u and has a positive length.
-    let end = cumulative.partition_point(|&sum| sum <= u).clamp(1, cumulative.len() - 1);
+    let end = end.clamp(1, cumulative.len() - 1);
     let (low, high) = (cumulative[end - 1], cumulative[end]);
     let width = high - low;
     (end - 1, width, ((u - low) / width).min(ONE_MINUS_EPSILON))
@@ -321,6 +355,28 @@ mod tests {
                 }
                 let total: f32 = (0..weights.len()).map(|i| grid.pmf([i % width, i / width])).sum();
                 assert!((total - 1.0).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn the_guide_leads_where_a_search_of_all_sums_does() {
+        let mut sampler = IndependentSampler::new(8, 9, 10);
+        for (count, power) in [(1, 1), (2, 1), (7, 3), (64, 20), (513, 2), (1000, 60)] {
+            let weights: Vec<f64> =
+                (0..count).map(|_| f64::from(sampler.next_1d()).powi(power)).collect();
+            let sums = cumulative(&weights);
+            let guide = guide(&sums);
+            let parts = guide.len() - 1;
+            // Random numbers, the sums themselves and the edges of the guide's parts, and the neighbours of all.
+            let random: Vec<f32> = (0..2_000).map(|_| sampler.next_1d()).collect();
+            let edges = (0..parts).map(|part| part as f32 / parts as f32);
+            for u in random.into_iter().chain(sums.iter().copied()).chain(edges) {
+                for u in [u.next_down(), u, u.next_up()] {
+                    let u = u.clamp(0.0, ONE_MINUS_EPSILON);
+                    let expected = sums.partition_point(|&sum| sum <= u) - 1;
+                    assert_eq!(invert(&sums, &guide, u).0, expected, "{count} weights, {u}");
+                }
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Numbers and measures; knows nothing of light, surfaces or scenes.
 
+pub mod arc_tangent;
 pub mod distribution;
 pub mod float;
 pub mod frame;

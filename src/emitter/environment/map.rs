@@ -1,10 +1,11 @@
 //! An image of all directions, looked up bilinearly and sampled in proportion to its luminance.
 
 use crate::emitter::mean;
+use crate::math::arc_tangent::arc_tangent2;
 use crate::math::distribution::Grid;
 use crate::math::rigid::rotation_and_scale;
 use crate::math::{Rgb, warp};
-use glam::{DMat3, Mat3, Vec2, Vec3};
+use glam::{DMat3, Mat3, Vec2, Vec3, Vec4};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI;
 use thiserror::Error;
@@ -45,7 +46,8 @@ pub enum EnvironmentError {
 pub struct EnvironmentMap {
     width: usize,
     height: usize,
-    texels: Vec<Rgb>,
+    /// Radiance and its luminance, in one aligned load.
+    texels: Vec<Vec4>,
     to_world: Mat3,
     to_local: Mat3,
     /// Missing when the image is black.
@@ -117,11 +119,13 @@ impl EnvironmentMap {
             *texel = scaled.map(|value| if value > 0.0 { value.min(MAX_RADIANCE) } else { 0.0 });
             invalid_texels += usize::from(*texel != scaled);
         }
+        let texels =
+            texels.into_iter().map(|texel| Vec3::from(texel.to_array()).extend(texel.luminance()));
         let rows: Vec<Row> = rows(width, height);
         let mut map = Self {
             width,
             height,
-            texels,
+            texels: texels.collect(),
             to_world,
             to_local: to_world.transpose(),
             cells: None,
@@ -140,14 +144,15 @@ impl EnvironmentMap {
 
     /// Computes the weights of the cells, and the fluence.
     fn weigh_cells(&mut self) {
-        let cell_mean = |value: &dyn Fn(Rgb) -> f64, column: usize, row: usize| {
+        let cell_mean = |value: &dyn Fn(Vec4) -> f64, column: usize, row: usize| {
             self.corners([column, row]).iter().map(|&texel| value(texel)).sum::<f64>() / 4.0
         };
         let cells = || {
             (0..self.rows.len()).flat_map(|row| (0..self.width).map(move |column| (column, row)))
         };
         let solid_angle = |row: usize| 1.0 / f64::from(self.rows[row].per_solid_angle);
-        let luminance = |texel: Rgb| f64::from(texel.luminance());
+        let luminance = |texel: Vec4| f64::from(texel.w);
+        let mean = |texel: Vec4| mean(colour(texel));
 
         let weights: Vec<f64> =
             cells().map(|(x, y)| cell_mean(&luminance, x, y) * solid_angle(y)).collect();
@@ -166,7 +171,7 @@ impl EnvironmentMap {
 
     /// The texels around a cell: upper left, upper right, lower left, lower right.
     #[inline]
-    fn corners(&self, [column, row]: [usize; 2]) -> [Rgb; 4] {
+    fn corners(&self, [column, row]: [usize; 2]) -> [Vec4; 4] {
         let right = if column + 1 == self.width { 0 } else { column + 1 };
         let (upper, lower) = (row * self.width, (row + 1).min(self.height - 1) * self.width);
         [
@@ -182,11 +187,11 @@ impl EnvironmentMap {
     pub(super) fn locate(&self, direction: Vec3) -> Place {
         let Vec3 { x, y, z } = self.to_local * direction;
         // Texel centres are half a texel to the right of their columns' left edges.
-        let turn = x.atan2(-z) * (1.0 / TAU) - 0.5 / self.width as f32;
+        let turn = arc_tangent2(x, -z) * (1.0 / TAU) - 0.5 / self.width as f32;
         let (column, across) = split((turn - turn.floor()) * self.width as f32, self.width);
         // The arc tangent, unlike the arc cosine, is exact near the poles.
         let sine_squared = x * x + z * z;
-        let polar = sine_squared.sqrt().atan2(y) * FRAC_1_PI;
+        let polar = arc_tangent2(sine_squared.sqrt(), y) * FRAC_1_PI;
         let (row, down) = split(polar * self.rows.len() as f32, self.rows.len());
         let Row { pole, heights: [top, bottom], .. } = self.rows[row];
         let cosine = pole * y;
@@ -196,34 +201,30 @@ impl EnvironmentMap {
         Place { cell: [column, row], fraction: Vec2::new(across, down), above }
     }
 
-    /// Bilinear interpolation.
+    /// Radiance from a unit vector of the world.
     #[inline]
-    pub(super) fn radiance(&self, Place { cell, fraction, .. }: Place) -> Rgb {
-        let [upper_left, upper_right, lower_left, lower_right] = self.corners(cell);
-        let upper = upper_left.lerp(upper_right, fraction.x);
-        let lower = lower_left.lerp(lower_right, fraction.x);
-        upper.lerp(lower, fraction.y)
+    pub(super) fn radiance(&self, direction: Vec3) -> Rgb {
+        let place = self.locate(direction);
+        interpolate(self.corners(place.cell), place.fraction)
     }
 
-    /// Relative densities at the corners of a cell; their mean is about 1.
+    /// Radiance from a unit vector of the world, and its density per steradian.
     #[inline]
-    fn corner_densities(&self, cell: [usize; 2]) -> [f32; 4] {
-        let luminances = self.corners(cell).map(Rgb::luminance);
-        let mean = 0.25 * luminances.iter().sum::<f32>();
-        // A black cell is never chosen.
-        if mean > 0.0 {
-            luminances.map(|luminance| luminance / mean + FLAT_SHARE)
-        } else {
-            [1.0; 4]
-        }
+    pub(super) fn radiance_and_pdf(&self, direction: Vec3) -> (Rgb, f32) {
+        let place = self.locate(direction);
+        let corners = self.corners(place.cell);
+        let pmf = self.cells.as_ref().map_or(0.0, |cells| cells.pmf(place.cell));
+        (
+            interpolate(corners, place.fraction),
+            self.density(place, pmf, relative_densities(corners)),
+        )
     }
 
-    /// Per steradian.
+    /// Density per steradian at a place in a cell of probability `pmf`.
     #[inline]
-    pub(super) fn pdf(&self, Place { cell, fraction, above }: Place) -> f32 {
-        let Some(cells) = &self.cells else { return 0.0 };
-        let within = warp::bilinear_pdf(Vec2::new(fraction.x, above), self.corner_densities(cell));
-        cells.pmf(cell) * self.rows[cell[1]].per_solid_angle * within
+    fn density(&self, place: Place, pmf: f32, corners: [f32; 4]) -> f32 {
+        let within = warp::bilinear_pdf(Vec2::new(place.fraction.x, place.above), corners);
+        pmf * self.rows[place.cell[1]].per_solid_angle * within
     }
 
     /// A direction of the world, its radiance and its density per steradian.
@@ -231,7 +232,9 @@ impl EnvironmentMap {
     pub(super) fn sample(&self, u: Vec2) -> Option<(Vec3, Rgb, f32)> {
         let cell = self.cells.as_ref()?.sample(u);
         let [column, row] = cell.index;
-        let within = warp::square_to_bilinear(cell.position, self.corner_densities(cell.index));
+        let corners = self.corners(cell.index);
+        let densities = relative_densities(corners);
+        let within = warp::square_to_bilinear(cell.position, densities);
         let Row { pole, heights: [top, bottom], .. } = self.rows[row];
         let height = top + (bottom - top) * within.y;
         let sine = (height * (2.0 - height)).max(0.0).sqrt();
@@ -239,9 +242,46 @@ impl EnvironmentMap {
         let (sin_phi, cos_phi) = phi.sin_cos();
         let direction =
             self.to_world * Vec3::new(sin_phi * sine, pole * (1.0 - height), -cos_phi * sine);
-        // Looked up again, so that density and radiance are bit for bit those of the direction, even on a cell's edge.
+        // Located again, so that density and radiance are bit for bit those of the direction. Only at the edge of a cell
+        // does rounding lead to another cell than the one already at hand.
         let place = self.locate(direction);
-        Some((direction, self.radiance(place), self.pdf(place)))
+        let (radiance, pdf) = if place.cell == cell.index {
+            (interpolate(corners, place.fraction), self.density(place, cell.pmf, densities))
+        } else {
+            self.radiance_and_pdf(direction)
+        };
+        Some((direction, radiance, pdf))
+    }
+}
+
+/// The colour of a texel.
+#[inline]
+fn colour(texel: Vec4) -> Rgb {
+    Rgb::new(texel.x, texel.y, texel.z)
+}
+
+/// Bilinear interpolation between the corners of a cell.
+#[inline]
+fn interpolate(
+    [upper_left, upper_right, lower_left, lower_right]: [Vec4; 4],
+    fraction: Vec2,
+) -> Rgb {
+    let lerp = |from: Vec4, to: Vec4, t: f32| from * (1.0 - t) + to * t;
+    let upper = lerp(upper_left, upper_right, fraction.x);
+    let lower = lerp(lower_left, lower_right, fraction.x);
+    colour(lerp(upper, lower, fraction.y))
+}
+
+/// Relative densities at the corners of a cell; their mean is about 1.
+#[inline]
+fn relative_densities(corners: [Vec4; 4]) -> [f32; 4] {
+    let luminances = corners.map(|texel| texel.w);
+    let reciprocal = 4.0 / luminances.iter().sum::<f32>();
+    // A black cell is never chosen; in one so dark that the reciprocal overflows all places are equal.
+    if reciprocal.is_finite() {
+        luminances.map(|luminance| luminance * reciprocal + FLAT_SHARE)
+    } else {
+        [1.0; 4]
     }
 }
 
@@ -320,9 +360,9 @@ mod tests {
         spoiled[12] = Rgb::new(1.0, f32::INFINITY, 1.0);
         let map = turned(spoiled);
         assert_eq!(map.invalid_texels(), 3);
-        assert_eq!(map.texels[3], Rgb::new(0.0, 2.0, 2.0));
-        assert_eq!(map.texels[8], Rgb::new(0.0, 2.0, 2.0));
-        assert_eq!(map.texels[12], Rgb::new(2.0, 1e30, 2.0));
+        assert_eq!(colour(map.texels[3]), Rgb::new(0.0, 2.0, 2.0));
+        assert_eq!(colour(map.texels[8]), Rgb::new(0.0, 2.0, 2.0));
+        assert_eq!(colour(map.texels[12]), Rgb::new(2.0, 1e30, 2.0));
         for i in 0..100 {
             let u = Vec2::new(i as f32 / 100.0, (i * 37 % 100) as f32 / 100.0);
             let (direction, radiance, pdf) = map.sample(u).unwrap();
