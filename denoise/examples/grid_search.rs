@@ -2,8 +2,10 @@
 //!
 //! `cargo run --release -p quietlight-denoise --example grid_search -- NOISY.exr REFERENCE.exr [NOISY REFERENCE ...]`
 //!
-//! The score is the geometric mean over the pairs of the relative L2 that the filter leaves of the noisy image's. One
-//! parameter after the other is tried at factors of 4 and 2 around where it is, and at 0, until a round changes nothing.
+//! The score is the geometric mean over the pairs of the relative L2 that the filter leaves of the noisy image's, where
+//! gains beyond [`ENOUGH`] do not count, so that fireflies of one scene do not decide for all, and a loss counts
+//! [`HARM`] times. One parameter after the other is tried at factors around where it is, and at 0, until a round
+//! changes nothing.
 #![allow(clippy::print_stdout, reason = "a program for developers")]
 
 use quietlight_denoise::bilateral::{Lambda, Parameters, Prepared};
@@ -11,6 +13,12 @@ use quietlight_denoise::{
     Error, Image, LayerKind, exr, metrics::relative_l2, picture::read_picture,
 };
 use std::path::Path;
+
+/// A tenth of the error: below it the reference's own noise and single fireflies decide.
+const ENOUGH: f64 = 0.1;
+
+/// Making a picture worse weighs as much as this power of making one better.
+const HARM: f64 = 4.0;
 
 /// Layers ready to be filtered, the truth, and the relative L2 before.
 struct Pair {
@@ -30,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .collect::<Result<Vec<_>, _>>()?;
 
     // λ₀ to λ₅, then λ_c.
-    let mut best = [0.01, 0.1, 0.1, 0.1, 0.1, 0.1, 0.01];
+    let mut best = [0.01, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1];
     let mut best_score = score(&pairs, best)?;
     println!("start {best:?}: {best_score:.4}");
     for factors in
@@ -79,7 +87,8 @@ fn ratio(pair: &Pair, [l0, l1, l2, l3, l4, l5, colour]: [f32; 7]) -> Result<f64,
 fn score(pairs: &[Pair], parameters: [f32; 7]) -> Result<f64, Error> {
     let mut sum = 0.0;
     for pair in pairs {
-        sum += ratio(pair, parameters)?.ln();
+        let gain = ratio(pair, parameters)?.max(ENOUGH).ln();
+        sum += if gain > 0.0 { HARM * gain } else { gain };
     }
     Ok((sum / pairs.len() as f64).exp())
 }
