@@ -58,7 +58,7 @@ fn emitters(criterion: &mut Criterion) {
     for (name, emitter) in [
         ("rectangle", area(Part::Mesh(mesh))),
         ("sphere", area(sphere)),
-        ("map of 512 × 256", Emitter::Environment(Environment::Map(map))),
+        ("map of 512 × 256", Emitter::Environment(Environment::from(map))),
     ] {
         let emitters = Emitters::new(vec![emitter], 10.0);
         let mut sampler = IndependentSampler::new(1, 2, 3);

@@ -18,7 +18,7 @@ use std::path::Path;
 const ENOUGH: f64 = 0.1;
 
 /// Making a picture worse weighs as much as this power of making one better.
-const HARM: f64 = 4.0;
+const HARM: f64 = 2.0;
 
 /// Layers ready to be filtered, the truth, and the relative L2 before.
 struct Pair {
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .collect::<Result<Vec<_>, _>>()?;
 
     // λ₀ to λ₅, then λ_c.
-    let mut best = [0.01, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1];
+    let mut best = [0.01, 0.02, 0.1, 0.1, 0.1, 0.1, 0.2];
     let mut best_score = score(&pairs, best)?;
     println!("start {best:?}: {best_score:.4}");
     for factors in

@@ -15,7 +15,13 @@ pub enum Environment {
     /// The same radiance from everywhere.
     Constant(Rgb),
     /// An image of all directions.
-    Map(EnvironmentMap),
+    Map(Box<EnvironmentMap>),
+}
+
+impl From<EnvironmentMap> for Environment {
+    fn from(map: EnvironmentMap) -> Self {
+        Self::Map(Box::new(map))
+    }
 }
 
 impl Environment {

@@ -103,7 +103,7 @@ fn a_closed_emitter_around_the_receiver_gives_pi() {
     let constant = Emitter::Environment(Environment::Constant(Rgb::WHITE));
     let map = EnvironmentMap::new([7, 5], vec![Rgb::WHITE; 35], 1.0, DMat3::IDENTITY)
         .expect("the sizes fit");
-    let map = Emitter::Environment(Environment::Map(map));
+    let map = Emitter::Environment(Environment::from(map));
     for (name, emitter) in
         [("sphere", area(sphere, Rgb::WHITE)), ("constant", constant), ("map", map)]
     {
@@ -146,7 +146,7 @@ fn an_environment_map_gives_the_integral_of_its_lookup() {
     let texels: Vec<Rgb> =
         (0..16 * 8).map(|_| Rgb::splat(random.next_f32().powi(16) * 10.0)).collect();
     let map = EnvironmentMap::new([16, 8], texels, 1.0, DMat3::IDENTITY).expect("the sizes fit");
-    let emitters = emitters(vec![Emitter::Environment(Environment::Map(map))]);
+    let emitters = emitters(vec![Emitter::Environment(Environment::from(map))]);
     let normal = Vec3::new(0.5, 0.1, -0.7).normalize();
     let uniform: Mean = (0..1_000_000)
         .map(|_| {

@@ -15,7 +15,7 @@ fn environments() -> Vec<(&'static str, Environment)> {
     let rotation = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(2.0, 2.0, -1.0) / 3.0, 1.0));
     let mut map = |size: [usize; 2], texel: &mut dyn FnMut(usize, &mut Random) -> f32| {
         let texels = (0..size[0] * size[1]).map(|i| Rgb::splat(texel(i, &mut random))).collect();
-        Environment::Map(EnvironmentMap::new(size, texels, 1.0, rotation).expect("the sizes fit"))
+        Environment::from(EnvironmentMap::new(size, texels, 1.0, rotation).expect("the sizes fit"))
     };
     vec![
         ("constant", Environment::Constant(Rgb::WHITE)),

@@ -63,7 +63,7 @@ fn what_cannot_shine_is_never_chosen() {
             beam_width: 0.0,
         },
         Emitter::Directional { direction: Vec3::ZERO, irradiance: Rgb::WHITE },
-        Emitter::Environment(Environment::Map(map(0.0))),
+        Emitter::Environment(Environment::from(map(0.0))),
     ];
     let dark = emitters(black.clone());
     assert!(dark.is_dark());
@@ -82,7 +82,7 @@ fn what_cannot_shine_is_never_chosen() {
     let mut texels = vec![Rgb::BLACK; 16];
     texels[5] = Rgb::splat(f32::NAN);
     let spoiled = EnvironmentMap::new([4, 4], texels, 1.0, DMat3::IDENTITY).expect("the sizes fit");
-    assert!(emitters(vec![Emitter::Environment(Environment::Map(spoiled))]).is_dark());
+    assert!(emitters(vec![Emitter::Environment(Environment::from(spoiled))]).is_dark());
 }
 
 #[test]
@@ -200,7 +200,7 @@ fn numbers_at_the_ends_of_their_interval_are_harmless() {
     let texels = vec![Rgb::WHITE; 6];
     let map = EnvironmentMap::new([3, 2], texels, 1.0, DMat3::IDENTITY).expect("the sizes fit");
     let lists = super::parts().into_iter().map(|(_, part)| area(part, Rgb::WHITE));
-    for emitter in lists.chain([Emitter::Environment(Environment::Map(map))]) {
+    for emitter in lists.chain([Emitter::Environment(Environment::from(map))]) {
         let emitters = emitters(vec![emitter]);
         for selection in [0.0, last] {
             for u in [

@@ -344,7 +344,7 @@ mod tests {
             ([1.0, 0.0, 0.001], [27.9585, 1.30098, 4.22908]),
             ([-0.2, -0.5, -0.9], [50.3549, 4.48642, 4.76644]),
         ];
-        let environment = Environment::Map(turned(texels()));
+        let environment = Environment::from(turned(texels()));
         for (direction, expected) in golden {
             let radiance = environment.radiance(Vec3::from(direction).normalize());
             let difference = (radiance - Rgb::from(expected)).map(f32::abs).max_component();
@@ -373,7 +373,7 @@ mod tests {
 
     #[test]
     fn the_fluence_is_the_integral_of_the_radiance() {
-        let environment = Environment::Map(turned(texels()));
+        let environment = Environment::from(turned(texels()));
         let count = 400;
         let mut sum = 0.0;
         for i in 0..count {

@@ -136,5 +136,5 @@ fn environment_map(
             path.display()
         ));
     }
-    Ok(Light::Infinite(Emitter::Environment(Environment::Map(map))))
+    Ok(Light::Infinite(Emitter::Environment(Environment::from(map))))
 }

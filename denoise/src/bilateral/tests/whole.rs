@@ -14,7 +14,12 @@ fn the_filter_takes_noise_and_leaves_what_the_features_show() {
         Layer { mean: clean.clone(), variance: Some(Image::zeros(clean.dim())), halves: None };
     layers.layers.insert(LayerKind::Albedo, albedo);
     let error = |image: &Image| (image - &clean).mapv(|value| value * value).mean().unwrap();
-    let denoised = denoise(&layers, &Parameters::default(), &|_| ()).unwrap();
+    let wide = Parameters {
+        lambda: Lambda::Constant([0.01, 0.1, 0.1, 0.1, 0.1, 0.1]),
+        colour: 0.01,
+        ..Parameters::default()
+    };
+    let denoised = denoise(&layers, &wide, &|_| ()).unwrap();
     assert_eq!(denoised.report.groups, [LayerKind::Albedo]);
     assert!(
         error(&denoised.image) < 0.02 * error(&noisy),
