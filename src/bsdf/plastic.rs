@@ -6,10 +6,10 @@
 //! colours do not shift (the model of Mitsuba's `plastic`).
 
 use super::conductor::reflection;
-use super::diffuse::{cosine_hemisphere_pdf, square_to_cosine_hemisphere};
 use super::microfacet::{Distribution, Microfacets};
 use super::{Bsdf, BsdfEval, BsdfSample, fresnel};
 use crate::math::Rgb;
+use crate::math::warp::{cosine_hemisphere_pdf, square_to_cosine_hemisphere};
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 

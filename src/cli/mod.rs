@@ -68,9 +68,14 @@ pub fn run() -> ExitCode {
         Err(Failure::BadInput(error)) => (2, error),
         Err(Failure::Failed(error)) => (1, error),
     };
-    eprintln!("error: {error}");
-    for cause in error.chain().skip(1) {
-        eprintln!("  because: {cause}");
+    let mut said = error.to_string();
+    eprintln!("error: {said}");
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        // Some errors quote their cause already.
+        if !said.contains(&cause) {
+            eprintln!("  because: {cause}");
+        }
+        said = cause;
     }
     ExitCode::from(code)
 }
