@@ -161,6 +161,8 @@ fn walk<S: Sampler>(
     observe: impl FnMut(Vertex),
 ) -> PathSample {
     let raster = Vec2::new(x as f32, y as f32) + sampler.next_2d();
-    let ray = scene.camera.ray(raster, sampler.next_2d());
+    // A pinhole leaves the pair to the first bounce.
+    let lens = if scene.camera.aperture_radius() > 0.0 { sampler.next_2d() } else { Vec2::ZERO };
+    let ray = scene.camera.ray(raster, lens);
     settings.integrator.trace_observed(scene, ray, sampler, observe)
 }
