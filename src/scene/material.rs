@@ -148,11 +148,6 @@ impl Material {
         }
     }
 
-    /// Does a bump or normal map tilt the frame?
-    pub fn has_relief(&self) -> bool {
-        self.relief.is_some()
-    }
-
     /// How opaque the surface is at a point, in `[0, 1]`: light passes unscattered with the rest.
     pub fn opacity(&self, at: &Interaction) -> f32 {
         match &self.opacity {
@@ -183,11 +178,6 @@ impl Material {
             matches!(model, Model::Null | Model::Dielectric { .. } | Model::ThinDielectric { .. })
         };
         self.opacity.is_some() || self.model.any(&passes)
-    }
-
-    /// Does the surface scatter nothing, so that it only bounds a medium or carries an emitter?
-    pub fn is_null(&self) -> bool {
-        self.model.all(&|model| matches!(model, Model::Null))
     }
 }
 
@@ -393,7 +383,7 @@ mod tests {
     fn nesting_is_flattened_or_refused() {
         let height = || bitmap(2, 1, vec![0.0, 1.0]);
         let bumped = diffuse(0.5).bumped(height(), 1.0).unwrap().with_two_sides();
-        assert!(bumped.two_sided && bumped.has_relief());
+        assert!(bumped.two_sided && bumped.relief.is_some());
         assert_eq!(bumped.clone().bumped(height(), 1.0).unwrap_err(), NestingError::Relief);
         let blend = |a, b| Material::blend(0.5.into(), a, b);
         assert_eq!(blend(bumped, diffuse(0.5)).unwrap_err(), NestingError::Relief);
@@ -437,6 +427,5 @@ mod tests {
                 assert_eq!(material.may_pass_light(), passes, "{name}");
             }
         }
-        assert!(Material::from(Model::Null).is_null() && !diffuse(0.0).is_null());
     }
 }
