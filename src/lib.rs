@@ -7,13 +7,14 @@
 //! adds up what was found. Its layers then go to image space, the crate `quietlight_denoise`.
 //!
 //! Each module uses only what stands to its left:
-//! `math ← sampler, geometry, texture ← bsdf, emitter ← scene ← integrator ← film, render ← cli`. A `bsdf` never sees a
+//! `math ← sampler, geometry, texture ← bsdf, emitter ← scene ← integrator ← film, render ← dataset ← cli`. A `bsdf` never sees a
 //! scene or a sampler, a `scene` never sees an integrator or a film, and only `cli` prints.
 //!
 //! Deliberately absent: participating media, spectra, hair, motion. A scene that needs them is refused.
 
 pub mod bsdf;
 pub mod cli;
+pub mod dataset;
 pub mod emitter;
 pub mod film;
 pub mod geometry;

@@ -1,6 +1,6 @@
 //! Who runs where: passes over tiles, threads, progress, the replay of one sample.
 
-use crate::film::Film;
+use crate::film::{Film, Tile};
 use crate::integrator::{PathSample, PathTracing, Vertex};
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
 use crate::scene::{Requirements, Scene};
@@ -70,46 +70,93 @@ pub fn render(
     progress: &(dyn Fn(u64) + Sync),
     stop: &AtomicBool,
 ) -> Rendered {
-    let start = Instant::now();
-    let requirements = Requirements::of(scene);
-    let mut film = Film::new(scene.film, &requirements);
-    let done = AtomicU64::new(0);
-    let mut samples = 0;
-    while samples < settings.samples {
-        let pass = next_pass(samples, settings, start.elapsed());
-        let (tiles, kept) = film.tiles_mut();
-        tiles.par_iter_mut().for_each(|tile| {
-            for (index, pixel) in tile.film_pixels().enumerate() {
-                for sample in samples..samples + pass {
-                    let found = sample_pixel(scene, settings, pixel, sample, |_| {});
-                    tile.add(index, (sample & 1) as usize, &found, kept);
-                }
-            }
-            let added = tile.len() as u64 * u64::from(pass);
-            progress(done.fetch_add(added, Ordering::Relaxed) + added);
-        });
-        samples += pass;
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
-    }
-    let mut layers = film.layers(scene.origin);
-    // The variance of independent samples is right, and of more degrees of freedom than that of the halves.
-    if settings.sampler == SamplerKind::Sobol {
-        variance::correct(&mut layers);
-    }
-    Rendered { layers, samples, invalid_samples: film.invalid_samples(), elapsed: start.elapsed() }
+    let mut rendering = Rendering::new(scene, settings);
+    rendering.advance(settings.samples, progress, stop);
+    rendering.finish()
 }
 
-/// Samples per pixel of the next pass: about `settings.pass` long by the speed so far, and no more than are left. The
-/// first pass is one sample. Only the clock decides the size, and the size does not change the picture.
-fn next_pass(samples: u32, settings: &RenderSettings, elapsed: Duration) -> u32 {
-    let left = settings.samples - samples;
+/// A render that can go on: samples are taken in their order, so that how many at a time does not change the picture.
+#[derive(Debug)]
+pub struct Rendering<'a> {
+    scene: &'a Scene,
+    settings: RenderSettings,
+    film: Film,
+    samples: u32,
+    elapsed: Duration,
+}
+
+impl<'a> Rendering<'a> {
+    /// A render without samples; `settings.samples` has no meaning here.
+    pub fn new(scene: &'a Scene, settings: &RenderSettings) -> Self {
+        let film = Film::new(scene.film, &Requirements::of(scene));
+        Self { scene, settings: *settings, film, samples: 0, elapsed: Duration::ZERO }
+    }
+
+    /// Samples per pixel taken so far.
+    pub fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// Goes on until there are `samples` per pixel, on the threads of the current rayon pool; `progress` and `stop` are as
+    /// for [`render`].
+    pub fn advance(&mut self, samples: u32, progress: &(dyn Fn(u64) + Sync), stop: &AtomicBool) {
+        let start = Instant::now();
+        let before = self.elapsed;
+        let Self { scene, settings, film, .. } = self;
+        let (tiles, kept) = film.tiles_mut();
+        let pixels: usize = tiles.iter().map(Tile::len).sum();
+        let done = AtomicU64::new(u64::from(self.samples) * pixels as u64);
+        while self.samples < samples {
+            let first = self.samples;
+            let pass = next_pass(first, samples - first, settings.pass, before + start.elapsed());
+            tiles.par_iter_mut().for_each(|tile| {
+                for (index, pixel) in tile.film_pixels().enumerate() {
+                    for sample in first..first + pass {
+                        let found = sample_pixel(scene, settings, pixel, sample, |_| {});
+                        tile.add(index, (sample & 1) as usize, &found, kept);
+                    }
+                }
+                let added = tile.len() as u64 * u64::from(pass);
+                progress(done.fetch_add(added, Ordering::Relaxed) + added);
+            });
+            self.samples += pass;
+            if stop.load(Ordering::Relaxed) {
+                break;
+            }
+        }
+        self.elapsed = before + start.elapsed();
+    }
+
+    /// The layers as the samples so far give them, with corrected variances.
+    pub fn layers(&self) -> Layers {
+        let mut layers = self.film.layers(self.scene.origin);
+        // The variance of independent samples is right, and of more degrees of freedom than that of the halves.
+        if self.settings.sampler == SamplerKind::Sobol {
+            variance::correct(&mut layers);
+        }
+        layers
+    }
+
+    /// The picture.
+    pub fn finish(self) -> Rendered {
+        let start = Instant::now();
+        Rendered {
+            layers: self.layers(),
+            samples: self.samples,
+            invalid_samples: self.film.invalid_samples(),
+            elapsed: self.elapsed + start.elapsed(),
+        }
+    }
+}
+
+/// Samples per pixel of the next pass: about `pass` long by the speed of the `samples` so far, and no more than are `left`.
+/// The first pass is one sample. Only the clock decides the size, and the size does not change the picture.
+fn next_pass(samples: u32, left: u32, pass: Duration, elapsed: Duration) -> u32 {
     if samples == 0 {
         return 1.min(left);
     }
     let seconds_each = (elapsed.as_secs_f64() / f64::from(samples)).max(1e-9);
-    let wanted = settings.pass.as_secs_f64() / seconds_each;
+    let wanted = pass.as_secs_f64() / seconds_each;
     // Not more than doubling guards against a first pass that was lucky.
     (wanted as u32).clamp(1, samples.max(1)).min(left)
 }

@@ -1,5 +1,6 @@
 //! What can be typed.
 
+use crate::dataset::Shard;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -19,6 +20,8 @@ pub(super) enum Command {
     Denoise(Denoise),
     /// Score an image against a reference: relative L2, 1 - SSIM, FLIP, PSNR
     Compare(Compare),
+    /// Make training pairs: noisy renders of many views, each with a converged one
+    Dataset(Dataset),
     /// Show what a scene requires, and what will therefore run
     Inspect(Inspect),
     /// Check this machine: threads, SIMD, and a small render from end to end
@@ -125,6 +128,58 @@ pub(super) struct Compare {
     #[arg(long)]
     pub(super) json: bool,
 }
+
+#[derive(Args, Debug)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub(super) struct Dataset {
+    #[command(subcommand)]
+    pub(super) verb: Option<DatasetVerb>,
+    /// Folder of the data set: made, or continued where it was left
+    #[arg(required = true, value_name = "DIR")]
+    pub(super) folder: Option<PathBuf>,
+    /// Scenes to vary: their cameras, lights and materials [default: scenes from the generator]
+    #[arg(value_name = "SCENE")]
+    pub(super) scenes: Vec<PathBuf>,
+    /// Views of the whole set; more than before lets it grow
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=999_999))]
+    pub(super) views: u32,
+    /// Same seed, same views, on any machine
+    #[arg(long, default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Side of the square rendered of each view, in pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = 128, value_parser = clap::value_parser!(u32).range(8..=1024))]
+    pub(super) crop: u32,
+    /// Noisy renders of each view
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub(super) noisy: u32,
+    /// Fewest samples per pixel of a noisy render
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub(super) min_spp: u32,
+    /// Most samples per pixel of a noisy render
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub(super) max_spp: u32,
+    /// Most samples per pixel of a reference
+    #[arg(long, value_name = "N", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub(super) reference_spp: u32,
+    /// Noise at which a reference is converged: estimated relative L2, of dark pictures after brightening
+    #[arg(long, value_name = "ERROR", default_value_t = 1e-3)]
+    pub(super) reference_noise: f64,
+    /// Make only every N-th view, from view I on: for machine I of N, counted from 0
+    #[arg(long, value_name = "I/N", default_value = "0/1")]
+    pub(super) shard: Shard,
+    /// Threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
+    /// Keep the generated scenes in DIR/scenes
+    #[arg(long)]
+    pub(super) keep_scenes: bool,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum DatasetVerb {}
 
 #[derive(Args, Debug)]
 pub(super) struct Inspect {

@@ -3,6 +3,7 @@
 
 mod args;
 mod compare;
+mod dataset;
 mod denoise;
 mod doctor;
 mod inspect;
@@ -50,6 +51,7 @@ pub fn run() -> ExitCode {
         Command::Render(command) => render::run(&command),
         Command::Denoise(command) => denoise::run(&command),
         Command::Compare(command) => compare::run(&command),
+        Command::Dataset(command) => dataset::run(&command),
         Command::Inspect(command) => inspect::run(&command),
         Command::Doctor => doctor::run(),
         Command::Completions { shell } => {

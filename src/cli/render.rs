@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// True once the user asked to stop.
-static STOP: AtomicBool = AtomicBool::new(false);
+pub(super) static STOP: AtomicBool = AtomicBool::new(false);
 
 pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let scene = load(&arguments.scene)?;
@@ -25,7 +25,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         return replay::run(&scene, &settings, [x, y], sample);
     }
     let output = output_path(arguments)?;
-    heed_ctrl_c()?;
+    heed_ctrl_c("finishing this pass, then writing what there is")?;
     let threads = thread_pool(arguments.threads)?;
 
     let (width, height) = (scene.film.crop[2], scene.film.crop[3]);
@@ -147,15 +147,13 @@ pub(super) fn check_output(path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// The first Ctrl-C asks the render to finish its pass; the second ends the process at once.
-fn heed_ctrl_c() -> Result<(), Failure> {
-    let handler = || {
+/// The first Ctrl-C sets [`STOP`] and says what happens now; the second ends the process at once.
+pub(super) fn heed_ctrl_c(reaction: &'static str) -> Result<(), Failure> {
+    let handler = move || {
         if STOP.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!(
-            "\nfinishing this pass, then writing what there is (Ctrl-C again to quit at once)"
-        );
+        eprintln!("\n{reaction} (Ctrl-C again to quit at once)");
     };
     ctrlc::set_handler(handler).context("cannot heed Ctrl-C").map_err(Failure::Failed)
 }

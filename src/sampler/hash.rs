@@ -15,6 +15,6 @@ pub(super) fn mix(mut bits: u64) -> u64 {
 
 /// A key from a seed and two numbers of 32 bits. For one seed, different numbers never give the same key.
 #[inline]
-pub(super) fn key(seed: u64, first: u32, second: u32) -> u64 {
+pub(crate) fn key(seed: u64, first: u32, second: u32) -> u64 {
     mix(mix(seed.wrapping_add(STEP)) ^ (u64::from(first) << 32 | u64::from(second)))
 }

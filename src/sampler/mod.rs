@@ -4,7 +4,7 @@
 //! needs nothing else, so that any thread can make any sample and one sample can be made again. Every number is a
 //! multiple of 2⁻²⁴ in `[0, 1)`: 24 bits fill an `f32`'s mantissa exactly, so that 1 cannot occur by rounding.
 
-mod hash;
+pub(crate) mod hash;
 pub mod independent;
 pub mod sobol;
 

@@ -59,6 +59,14 @@ impl From<Model> for Material {
 }
 
 impl Material {
+    /// The same with other models; those of a blend are changed one by one.
+    #[must_use]
+    pub fn with_models(self, change: &mut dyn FnMut(Model) -> Model) -> Self {
+        let model = self.model.changed(change);
+        let is_isotropic = model.is_isotropic();
+        Self { model, is_isotropic, ..self }
+    }
+
     /// The same from both sides.
     #[must_use]
     pub fn with_two_sides(self) -> Self {

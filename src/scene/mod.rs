@@ -2,6 +2,7 @@
 
 mod build;
 pub mod camera;
+mod change;
 mod error;
 pub mod material;
 pub mod mesh_file;
@@ -14,6 +15,7 @@ mod requirements;
 mod xml;
 
 pub use camera::{Camera, CameraError, FovAxis, Perspective};
+pub use change::Changes;
 pub use error::{Location, SceneError};
 pub use material::{Material, MaterialId};
 pub use requirements::Requirements;
@@ -102,10 +104,33 @@ impl Scene {
     /// # Errors
     /// Whatever is wrong with the scene, with its place in the file and what would be right.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self, SceneError> {
-        let path = find_scene(path)?;
-        let read = if has_extension(&path, "obj") { obj_scene::load } else { xml::load };
-        read(&path, options).map(build::Description::build)
+        Ok(describe(path, options)?.build())
     }
+
+    /// As [`Scene::load`], with lights and materials changed, and with what the file says of the camera, from which others
+    /// can be made.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn load_changed(
+        path: &Path,
+        options: &LoadOptions,
+        changes: &mut dyn Changes,
+    ) -> Result<(Self, Perspective), SceneError> {
+        let mut description = describe(path, options)?;
+        description.change(changes);
+        let mut camera = description.camera;
+        let scene = description.build();
+        camera.to_world = glam::DMat4::from_translation(-scene.origin) * camera.to_world;
+        Ok((scene, camera))
+    }
+}
+
+/// What the scene file says that a path means.
+fn describe(path: &Path, options: &LoadOptions) -> Result<build::Description, SceneError> {
+    let path = find_scene(path)?;
+    let read = if has_extension(&path, "obj") { obj_scene::load } else { xml::load };
+    read(&path, options)
 }
 
 /// The scene file that a path means: itself, or what is in the folder: `scene.xml`, else the only `.obj`.

@@ -141,6 +141,17 @@ impl Model {
         }
     }
 
+    /// The model with every part changed. Blends are taken apart and put together again.
+    pub(super) fn changed(self, change: &mut dyn FnMut(Self) -> Self) -> Self {
+        match self {
+            Self::Blend { weight, models } => {
+                let models = (*models).map(|model| model.changed(change));
+                Self::Blend { weight, models: Box::new(models) }
+            }
+            model => change(model),
+        }
+    }
+
     /// Does every part of the model satisfy `test`? Blends are taken apart.
     pub(super) fn all(&self, test: &impl Fn(&Self) -> bool) -> bool {
         match self {

@@ -137,6 +137,25 @@ impl EnvironmentMap {
         Ok(map)
     }
 
+    /// The same map with its radiance multiplied by `factor`, turned around its poles by `turn` radians.
+    pub fn changed(&self, factor: Rgb, turn: f64) -> Self {
+        let rotation = self.to_world * Mat3::from_rotation_y(turn as f32);
+        let texels = self.texels.iter().map(|&texel| {
+            let changed = colour(texel) * factor;
+            let limited =
+                changed.map(|value| if value > 0.0 { value.min(MAX_RADIANCE) } else { 0.0 });
+            Vec3::from(limited.to_array()).extend(limited.luminance())
+        });
+        let mut map = Self {
+            texels: texels.collect(),
+            to_world: rotation,
+            to_local: rotation.transpose(),
+            ..self.clone()
+        };
+        map.weigh_cells();
+        map
+    }
+
     /// How many texels were NaN, negative or too large.
     pub fn invalid_texels(&self) -> usize {
         self.invalid_texels

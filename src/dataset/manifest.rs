@@ -1,0 +1,328 @@
+//! What a data set says of itself: `manifest.json` of the whole, `view.json` of each view.
+
+use super::{Error, at};
+use quietlight_denoise::atomic;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Version of the layout of folders and files. Readers refuse others.
+pub const SCHEMA: u32 = 1;
+
+/// What decides the pictures of a data set. Two runs with equal settings make equal views.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// All randomness comes from it.
+    pub seed: u64,
+    /// Scene files that the views vary in turn; generated scenes where there are none.
+    pub scenes: Vec<PathBuf>,
+    /// Side of the square of pixels that is rendered of each view.
+    pub crop: u32,
+    /// Noisy renders of each view.
+    pub noisy: u32,
+    /// Fewest samples per pixel of a noisy render.
+    pub min_spp: u32,
+    /// Most samples per pixel of a noisy render.
+    pub max_spp: u32,
+    /// Most samples per pixel of a reference.
+    pub reference_spp: u32,
+    /// Noise at which a reference is converged, as an estimated relative L2.
+    pub reference_noise: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            scenes: Vec::new(),
+            crop: 128,
+            noisy: 3,
+            min_spp: 1,
+            max_spp: 256,
+            reference_spp: 2048,
+            reference_noise: 1e-3,
+        }
+    }
+}
+
+impl Settings {
+    /// The settings that are not the same, as "name: one, not other"; empty where all are.
+    pub fn differences(&self, other: &Self) -> String {
+        let fields = |settings| match serde_json::to_value(settings) {
+            Ok(serde_json::Value::Object(fields)) => fields,
+            _ => serde_json::Map::new(),
+        };
+        let (ours, theirs) = (fields(self), fields(other));
+        let different = ours.iter().filter(|(name, value)| theirs.get(*name) != Some(*value));
+        let said: Vec<String> = different
+            .map(|(name, value)| {
+                let other = theirs.get(name).cloned().unwrap_or_default();
+                format!("{}: {value}, not {other}", name.replace('_', "-"))
+            })
+            .collect();
+        said.join("; ")
+    }
+}
+
+/// `manifest.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// Version of the program that made the set.
+    pub version: String,
+    /// How many views the set is to have; it may grow.
+    pub views: u32,
+    /// What decides the pictures.
+    pub settings: Settings,
+}
+
+impl Manifest {
+    /// The manifest of a set that this program makes.
+    pub fn new(settings: Settings, views: u32) -> Self {
+        Self { schema: SCHEMA, version: env!("CARGO_PKG_VERSION").to_owned(), views, settings }
+    }
+
+    /// Where the manifest of a data set lies.
+    pub fn path(folder: &Path) -> PathBuf {
+        folder.join("manifest.json")
+    }
+
+    /// Reads the manifest of the data set in `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where there is none, [`Error::Format`] where it is none of this schema.
+    pub fn read(folder: &Path) -> Result<Self, Error> {
+        let path = Self::path(folder);
+        let manifest: Self = read_json(&path)?;
+        if manifest.schema != SCHEMA {
+            return Err(Error::Format {
+                path,
+                found: format!("schema {}", manifest.schema),
+                expected: format!("schema {SCHEMA}"),
+            });
+        }
+        Ok(manifest)
+    }
+
+    /// Writes it into `folder`, whole or not at all.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the folder cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), Error> {
+        write_json(&Self::path(folder), self)
+    }
+}
+
+/// Where a view comes from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Source {
+    /// The scene generator.
+    Generated {
+        /// The seed given to it.
+        generated: u64,
+    },
+    /// A scene file, its camera, lights and materials varied.
+    File {
+        /// The file, as it was named.
+        file: PathBuf,
+        /// Seed of the variation.
+        variation: u64,
+    },
+}
+
+impl Source {
+    /// What identifies the whole scene: all views of one scene belong to one split.
+    pub fn scene_key(&self) -> String {
+        match self {
+            Self::Generated { generated } => format!("generated-{generated:016x}"),
+            Self::File { file, .. } => file.display().to_string(),
+        }
+    }
+}
+
+/// What a view may be used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Split {
+    /// To learn from.
+    Train,
+    /// To judge by: scenes never learnt from.
+    Validation,
+}
+
+impl Split {
+    /// One scene in this many is for validation.
+    const VALIDATION_SHARE: u8 = 16;
+
+    /// The split of all views of a scene, by the first byte of the SHA-256 of its key.
+    pub fn of(scene_key: &str) -> Self {
+        let [first, ..] = super::sha256::digest(scene_key.as_bytes());
+        if first.is_multiple_of(Self::VALIDATION_SHARE) { Self::Validation } else { Self::Train }
+    }
+}
+
+/// One render of a view.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NoisyFile {
+    /// Name within the view's folder.
+    pub file: String,
+    /// Samples per pixel.
+    pub spp: u32,
+    /// Seed of the render.
+    pub seed: u64,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+}
+
+/// The converged render of a view.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReferenceFile {
+    /// Name within the view's folder.
+    pub file: String,
+    /// Samples per pixel.
+    pub spp: u32,
+    /// Seed of the render.
+    pub seed: u64,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+    /// Estimated relative L2 of what noise is left.
+    pub relative_l2_noise: f64,
+    /// The same of the picture brightened to middle grey, if it is darker: what [`Settings::reference_noise`] bounds.
+    pub exposed_relative_l2_noise: f64,
+}
+
+/// What is known of a view before anything is rendered.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Name of the view's folder: its number, six digits.
+    pub id: String,
+    /// Where it comes from.
+    pub source: Source,
+    /// What identifies the whole scene.
+    pub scene_key: String,
+    /// What the scene may be used for.
+    pub split: Split,
+    /// How many views were tried: all but the last were nearly black, constant, or looked at nothing.
+    pub attempts: u32,
+}
+
+/// `view.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum View {
+    /// No pictures could be made.
+    Skipped(SkippedView),
+    /// A view with its pictures.
+    Rendered(RenderedView),
+}
+
+/// A view without pictures: `view.json` has `skipped`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SkippedView {
+    /// Which view.
+    #[serde(flatten)]
+    pub identity: Identity,
+    /// Why.
+    pub skipped: String,
+    /// Wall time of the attempts.
+    pub seconds: f64,
+}
+
+/// A view with its pictures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RenderedView {
+    /// Which view.
+    #[serde(flatten)]
+    pub identity: Identity,
+    /// What the scene has in it, as the generator says.
+    pub tags: Vec<String>,
+    /// Width and height of the whole film.
+    pub film: [u32; 2],
+    /// First column and row, width and height of what was rendered.
+    pub crop: [u32; 4],
+    /// Noisy renders.
+    pub noisy: Vec<NoisyFile>,
+    /// The converged render.
+    pub reference: ReferenceFile,
+    /// Wall time of making the view, on one worker.
+    pub seconds: f64,
+}
+
+impl View {
+    /// Which view.
+    pub fn identity(&self) -> &Identity {
+        match self {
+            Self::Skipped(view) => &view.identity,
+            Self::Rendered(view) => &view.identity,
+        }
+    }
+
+    /// Folder of the view of that id in the data set in `folder`.
+    pub fn folder(folder: &Path, id: &str) -> PathBuf {
+        folder.join("views").join(id)
+    }
+
+    /// Name of the view with that number.
+    pub fn id(number: u32) -> String {
+        format!("{number:06}")
+    }
+
+    /// Reads the description of a view; `None` where there is none, because the view is not complete.
+    ///
+    /// # Errors
+    /// [`Error::Io`] and [`Error::Format`] where there is one that cannot be read.
+    pub fn read(folder: &Path, id: &str) -> Result<Option<Self>, Error> {
+        let path = Self::folder(folder, id).join("view.json");
+        if path.exists() { read_json(&path).map(Some) } else { Ok(None) }
+    }
+
+    /// Writes the description, whole or not at all: from then on the view is complete.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where its folder cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), Error> {
+        write_json(&Self::folder(folder, &self.identity().id).join("view.json"), self)
+    }
+}
+
+/// The complete views of the data set in `folder`, by their ids.
+///
+/// # Errors
+/// [`Error::Io`] and [`Error::Format`] where a folder or a description cannot be read.
+pub fn views(folder: &Path) -> Result<Vec<View>, Error> {
+    let path = folder.join("views");
+    let mut ids = Vec::new();
+    for entry in fs::read_dir(&path).map_err(at(&path))? {
+        ids.push(entry.map_err(at(&path))?.file_name().to_string_lossy().into_owned());
+    }
+    ids.sort_unstable();
+    let mut views = Vec::new();
+    for id in ids {
+        views.extend(View::read(folder, &id)?);
+    }
+    Ok(views)
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
+    let text = fs::read_to_string(path).map_err(at(path))?;
+    serde_json::from_str(&text).map_err(|error| Error::Format {
+        path: path.to_path_buf(),
+        found: error.to_string(),
+        expected: "a file of a data set of this version".to_owned(),
+    })
+}
+
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Error> {
+    let io = |source| quietlight_denoise::Error::Io { path: path.to_path_buf(), source };
+    atomic::write(path, |file| {
+        serde_json::to_writer_pretty(&mut *file, value).map_err(|error| io(error.into()))?;
+        file.write_all(b"\n").map_err(io)
+    })?;
+    Ok(())
+}

@@ -1,0 +1,94 @@
+//! Training pairs: noisy renders of many views, each with a converged render of the same view.
+//!
+//! A data set is a folder. Its `manifest.json` holds the [`Settings`] of the whole set; each view has a folder of its own,
+//! `views/ID`, with noisy renders, a reference and, written last, a `view.json` (see [`manifest`]). A view without a
+//! `view.json` is half-written and made again.
+//!
+//! Views are numbered, and everything random about view `k` comes from the base seed and `k`: any machine can make any
+//! view, and a [`Shard`] of the views on each of several machines gives the same bits as one machine.
+
+mod exposure;
+mod make;
+pub mod manifest;
+mod pairs;
+mod seed;
+mod sha256;
+mod shard;
+mod space;
+mod variation;
+
+pub use make::{Job, Outcome, Plan};
+pub use manifest::{Manifest, Settings, View};
+pub use shard::Shard;
+
+use std::path::{Path, PathBuf};
+
+/// Why a data set cannot be made, merged or read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused a file or folder.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A manifest or the description of a view is not what it must be.
+    #[error("{path}: found {found}, expected {expected}")]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
+    /// A folder holds a data set of other settings.
+    #[error(
+        "{path}: was made with other settings: {differences}; use the same settings or another folder"
+    )]
+    Settings {
+        /// The manifest.
+        path: PathBuf,
+        /// Each setting that differs, with both values.
+        differences: String,
+    },
+    /// Two data sets hold different renders of one view.
+    #[error("view {id} of {first} and of {second} differ: the sets cannot be merged")]
+    Conflict {
+        /// The view.
+        id: String,
+        /// One data set.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+    },
+    /// The disk is too small.
+    #[error(
+        "{path}: about {} MB are needed and {} MB are free; ask for fewer views, or use --shard on several disks",
+        needed / 1_000_000,
+        free / 1_000_000
+    )]
+    Space {
+        /// The folder of the data set.
+        path: PathBuf,
+        /// Bytes that the missing views will take.
+        needed: u64,
+        /// Bytes free on its disk.
+        free: u64,
+    },
+    /// An image cannot be read or written.
+    #[error(transparent)]
+    Image(#[from] quietlight_denoise::Error),
+    /// Threads cannot be started.
+    #[error("cannot start threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+/// Says which file an operation of the system was about.
+fn at(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
+    let path = path.to_path_buf();
+    move |source| Error::Io { path, source }
+}

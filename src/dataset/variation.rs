@@ -1,0 +1,106 @@
+//! A given scene seen otherwise: another camera around what the file's camera looks at, other lights, other materials.
+
+mod orbit;
+
+use super::pairs::Refusal;
+use super::seed::Dice;
+use crate::bsdf::{Distribution, RoughCoat};
+use crate::math::Rgb;
+use crate::scene::material::{Model, Roughness};
+use crate::scene::{Changes, LoadOptions, Scene};
+use crate::texture::Texture;
+use std::f64::consts::TAU;
+use std::path::Path;
+
+/// The scene of `file` with a film of that size; its camera, lights and materials drawn by `seed`.
+pub(super) fn vary(file: &Path, [width, height]: [u32; 2], seed: u64) -> Result<Scene, Refusal> {
+    let options = LoadOptions { size: Some((width, height)), ..LoadOptions::default() };
+    let mut dice = Dice::new(seed);
+    let mut variation = Variation { exposure: dice.log_uniform(0.25, 4.0), dice };
+    let (mut scene, camera) = Scene::load_changed(file, &options, &mut variation)
+        .map_err(|error| Refusal::Broken(error.to_string()))?;
+    scene.camera = orbit::camera(&scene, &camera, &mut variation.dice)
+        .ok_or_else(|| Refusal::Again("no camera that sees the scene".to_owned()))?;
+    Ok(scene)
+}
+
+/// Draws what lights and materials become.
+struct Variation {
+    dice: Dice,
+    /// Factor of all light.
+    exposure: f64,
+}
+
+impl Changes for Variation {
+    fn emitter(&mut self) -> Rgb {
+        let strength = self.exposure * self.dice.log_uniform(0.3, 3.0);
+        // From candle to blue sky and some green or magenta: red and blue go apart, green goes alone.
+        let (warmth, green) = (self.dice.uniform(-0.5, 0.5), self.dice.uniform(-0.15, 0.15));
+        Rgb::from([warmth, green, -warmth].map(|stops| (strength * stops.exp2()) as f32))
+    }
+
+    fn environment_turn(&mut self) -> f64 {
+        self.dice.uniform(0.0, TAU)
+    }
+
+    fn model(&mut self, model: Model) -> Model {
+        if self.dice.chance(0.3) {
+            return model;
+        }
+        match model {
+            Model::Diffuse(reflectance) => Model::Diffuse(self.tinted(reflectance)),
+            Model::Conductor { eta, k, tint, roughness } => Model::Conductor {
+                eta,
+                k,
+                tint: self.tinted(tint),
+                roughness: self.rougher(roughness, 0.5),
+            },
+            Model::Dielectric { eta, reflectance, transmittance, roughness } => Model::Dielectric {
+                eta,
+                reflectance,
+                transmittance,
+                roughness: self.rougher(roughness, 0.1),
+            },
+            Model::Plastic { diffuse, specular, coat } if self.dice.chance(0.5) => {
+                Model::Plastic { diffuse: self.tinted(diffuse), specular, coat }
+            }
+            Model::Plastic { diffuse, specular, .. }
+            | Model::RoughPlastic { diffuse, specular, .. } => {
+                let (alpha, eta) = (self.dice.log_uniform(0.02, 0.5), self.dice.uniform(1.3, 1.7));
+                let coat = RoughCoat::new(Distribution::Ggx, alpha as f32, eta as f32, true);
+                let diffuse = self.tinted(diffuse);
+                Model::RoughPlastic { diffuse, specular, coat: Box::new(coat) }
+            }
+            Model::Null | Model::ThinDielectric { .. } | Model::Blend { .. } => model,
+        }
+    }
+}
+
+impl Variation {
+    /// Another reflectance instead of a constant one; images and checks stay.
+    fn tinted(&mut self, texture: Texture) -> Texture {
+        if texture.constant().is_none() {
+            return texture;
+        }
+        let (value, saturation) = (self.dice.uniform(0.05, 0.95), self.dice.uniform(0.0, 1.0));
+        let colour = [(); 3].map(|()| {
+            let part = 1.0 - saturation * self.dice.uniform(0.0, 1.0);
+            (value * part).max(0.01) as f32
+        });
+        Rgb::from(colour).into()
+    }
+
+    /// Another roughness instead of a constant one; a smooth surface becomes rough with probability `from_smooth`.
+    fn rougher(&mut self, roughness: Option<Roughness>, from_smooth: f64) -> Option<Roughness> {
+        let is_textured =
+            |roughness: &Roughness| roughness.alpha.iter().any(|alpha| alpha.constant().is_none());
+        match roughness {
+            Some(textured) if is_textured(&textured) => Some(textured),
+            None if !self.dice.chance(from_smooth) => None,
+            _ => {
+                let alpha = self.dice.log_uniform(0.02, 0.6) as f32;
+                Some(Roughness::isotropic(Distribution::Ggx, alpha))
+            }
+        }
+    }
+}
