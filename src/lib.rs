@@ -14,6 +14,7 @@
 
 pub mod bsdf;
 pub mod cli;
+pub mod dataset;
 pub mod emitter;
 pub mod film;
 pub mod geometry;

@@ -1,0 +1,3 @@
+//! Training data: generated scenes.
+
+pub mod generator;
