@@ -8,6 +8,7 @@
 //! view, and a [`Shard`] of the views on each of several machines gives the same bits as one machine.
 
 mod exposure;
+pub mod generator;
 mod make;
 pub mod manifest;
 mod pairs;

@@ -1,0 +1,176 @@
+//! Walls with one opening, and what fills it.
+
+use crate::dataset::generator::form::Form;
+use crate::dataset::generator::mesh::Mesh;
+use crate::dataset::generator::random::Random;
+use crate::dataset::generator::solid::{cuboid, push_polygon};
+use glam::{DMat4, DVec2, DVec3};
+
+/// How thick walls are, metres.
+const THICKNESS: f64 = 0.15;
+
+/// A wall of a room. Its own coordinates run along it from its left corner seen from inside, and up; the third points
+/// into the room.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wall {
+    /// Metres from corner to corner.
+    pub(super) width: f64,
+    height: f64,
+    to_room: DMat4,
+}
+
+/// A hole in a wall, in the wall's coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Opening {
+    pub(super) low: DVec2,
+    pub(super) high: DVec2,
+    /// Doors have a leaf and a room behind; windows have panes and a sky.
+    pub(super) is_door: bool,
+}
+
+/// The room behind a door.
+pub(super) struct Behind {
+    pub(super) shell: Mesh,
+    /// Where a lamp may be that the door's gap does not show.
+    pub(super) lamp: DVec3,
+}
+
+/// A horizontal rectangle over the whole room, facing up or down; texture coordinates are metres.
+pub(super) fn floor(half: DVec3, y: f64, up: f64) -> Mesh {
+    let mut mesh = Mesh::default();
+    let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]
+        .map(|(x, z)| DVec3::new(x * half.x, y, z * half.z));
+    let uvs = corners.map(|p| DVec2::new(p.x, p.z));
+    push_polygon(&mut mesh, &corners, &uvs, up < 0.0);
+    mesh
+}
+
+impl Wall {
+    /// The four walls around a room: the first at the front (`+z`), then counter-clockwise seen from above.
+    pub(super) fn around(size: DVec3) -> [Self; 4] {
+        std::array::from_fn(|side| {
+            let is_long = side % 2 == 0;
+            let (width, depth) = if is_long { (size.x, size.z) } else { (size.z, size.x) };
+            // The wall at the back, whose left end seen from inside is at -x, turned by quarters.
+            let turn = DMat4::from_rotation_y(std::f64::consts::FRAC_PI_2 * side as f64 + std::f64::consts::PI);
+            let corner = DMat4::from_translation(DVec3::new(-0.5 * width, 0.0, -0.5 * depth));
+            Self { width, height: size.y, to_room: turn * corner }
+        })
+    }
+
+    fn slab(&self, low: DVec2, high: DVec2, depth: [f64; 2]) -> Mesh {
+        cuboid(low.extend(depth[0]), high.extend(depth[1])).transformed(&self.to_room)
+    }
+
+    /// The wall, around the opening if there is one.
+    pub(super) fn with_opening(&self, opening: Option<&Opening>) -> Mesh {
+        let end = DVec2::new(self.width + THICKNESS, self.height);
+        let start = DVec2::new(-THICKNESS, 0.0);
+        let depth = [-THICKNESS, 0.0];
+        let Some(Opening { low, high, .. }) = opening else {
+            return self.slab(start, end, depth);
+        };
+        let mut mesh = self.slab(start, DVec2::new(low.x, end.y), depth);
+        mesh.append(&self.slab(DVec2::new(high.x, 0.0), end, depth));
+        mesh.append(&self.slab(DVec2::new(low.x, high.y), DVec2::new(high.x, end.y), depth));
+        if low.y > 0.0 {
+            mesh.append(&self.slab(DVec2::new(low.x, 0.0), DVec2::new(high.x, low.y), depth));
+        }
+        mesh
+    }
+
+    /// A sheet of glass in the middle of the opening.
+    pub(super) fn pane(&self, opening: &Opening) -> Form {
+        let (center, half) = (0.5 * (opening.low + opening.high), 0.5 * (opening.high - opening.low));
+        self.rectangle(center, half, -0.5 * THICKNESS)
+    }
+
+    /// A rectangle that faces into the room.
+    fn rectangle(&self, center: DVec2, half: DVec2, depth: f64) -> Form {
+        Form::Rectangle { center: center.extend(depth), u: DVec3::X * half.x, v: DVec3::Y * half.y }
+            .transformed(&self.to_room)
+    }
+
+    /// Something flat on the wall.
+    pub(super) fn picture(&self, center: DVec2, half: DVec2) -> Form {
+        let half = half.min(0.9 * center).min(0.9 * (DVec2::new(self.width, self.height) - center));
+        self.rectangle(center, half, 0.012)
+    }
+
+    /// A rectangle beyond the opening, larger than it, that shines in.
+    pub(super) fn outside(&self, opening: &Opening, distance: f64) -> Form {
+        let half = 0.5 * (opening.high - opening.low);
+        self.rectangle(0.5 * (opening.low + opening.high), half, -THICKNESS - distance)
+    }
+
+    /// The lower part of the wall, standing out a little.
+    pub(super) fn panel(&self, height: f64, depth: f64) -> Mesh {
+        self.slab(DVec2::ZERO, DVec2::new(self.width, height), [0.0, depth])
+    }
+
+    /// Bars that divide a window in this many panes more, across and down, and a frame.
+    pub(super) fn bars(&self, opening: &Opening, counts: [usize; 2]) -> Mesh {
+        let (low, high) = (opening.low, opening.high);
+        let (thick, depth) = (0.025, [-0.5 * THICKNESS - 0.03, -0.5 * THICKNESS + 0.03]);
+        let mut mesh = Mesh::default();
+        for k in 0..=counts[0] + 1 {
+            let x = low.x + (high.x - low.x) * k as f64 / (counts[0] + 1) as f64;
+            mesh.append(&self.slab(DVec2::new(x - thick, low.y), DVec2::new(x + thick, high.y), depth));
+        }
+        for k in 0..=counts[1] + 1 {
+            let y = low.y + (high.y - low.y) * k as f64 / (counts[1] + 1) as f64;
+            mesh.append(&self.slab(DVec2::new(low.x, y - thick), DVec2::new(high.x, y + thick), depth));
+        }
+        mesh
+    }
+
+    /// Slats across a window, all tilted alike.
+    pub(super) fn blinds(&self, opening: &Opening, random: &mut Random) -> Mesh {
+        let (low, high) = (opening.low, opening.high);
+        let gap = random.uniform(0.035, 0.09);
+        let tilt = random.uniform(-0.9, 0.9);
+        let half = DVec3::new(0.5 * (high.x - low.x), 0.002, 0.45 * gap);
+        let slat = cuboid(-half, half);
+        let mut mesh = Mesh::default();
+        let count = ((high.y - low.y) / gap) as usize;
+        for k in 0..count {
+            let center = DVec3::new(
+                0.5 * (low.x + high.x),
+                low.y + gap * (k as f64 + 0.5),
+                -0.5 * THICKNESS,
+            );
+            let place = DMat4::from_translation(center) * DMat4::from_rotation_x(tilt);
+            mesh.append(&slat.transformed(&(self.to_room * place)));
+        }
+        mesh
+    }
+
+    /// The leaf of a door, turned out of its frame by `angle` radians, away from the room.
+    pub(super) fn door(&self, opening: &Opening, angle: f64) -> Mesh {
+        let size = opening.high - opening.low;
+        let leaf = cuboid(DVec3::new(0.0, 0.01, -0.04), DVec3::new(size.x - 0.01, size.y - 0.01, 0.0));
+        let hinge = DVec3::new(opening.low.x, 0.0, -THICKNESS);
+        let place = DMat4::from_translation(hinge) * DMat4::from_rotation_y(angle);
+        leaf.transformed(&(self.to_room * place))
+    }
+
+    /// A closed room of this depth behind a door, wider than it.
+    pub(super) fn behind(&self, opening: &Opening, depth: f64, height: f64) -> Behind {
+        let (left, right) = (opening.low.x - 0.8, opening.high.x + 0.8);
+        let (back, front) = (-THICKNESS - depth, -THICKNESS);
+        let t = 0.05;
+        let slabs = [
+            (DVec3::new(left, 0.0, back - t), DVec3::new(right, height, back)),
+            (DVec3::new(left - t, 0.0, back), DVec3::new(left, height, front)),
+            (DVec3::new(right, 0.0, back), DVec3::new(right + t, height, front)),
+            (DVec3::new(left, -t, back), DVec3::new(right, 0.0, front + THICKNESS)),
+            (DVec3::new(left, height, back), DVec3::new(right, height + t, front)),
+        ];
+        let mut shell = Mesh::default();
+        for (low, high) in slabs {
+            shell.append(&cuboid(low, high).transformed(&self.to_room));
+        }
+        let lamp = DVec3::new(right - 0.35, 0.75 * height, 0.5 * (back + front));
+        Behind { shell, lamp: self.to_room.transform_point3(lamp) }
+    }
+}

@@ -1,0 +1,108 @@
+//! One data set out of shards that were made on several machines.
+
+use super::manifest::{Manifest, View, views};
+use super::{Error, at, sha256};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What [`merge`] did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Merged {
+    /// Views copied.
+    pub copied: usize,
+    /// Views that `output` had already, the same to the last bit.
+    pub already_there: usize,
+}
+
+/// Copies the complete views of `inputs` into `output`, which may be one of them or hold views already. `view.json` comes
+/// last, so that an interrupted merge can be done again.
+///
+/// # Errors
+/// [`Error::Settings`] where two sets have different settings, [`Error::Conflict`] where they hold different renders of
+/// one view, both before anything is copied; [`Error::Format`] where a copied file has not the hash that its view says.
+pub fn merge(output: &Path, inputs: &[PathBuf]) -> Result<Merged, Error> {
+    let mut all: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+    if Manifest::path(output).exists() {
+        all.insert(0, output);
+    }
+    let mut manifest: Option<Manifest> = None;
+    // Each view with the set that it comes from.
+    let mut found: Vec<(View, &Path)> = Vec::new();
+    for folder in all {
+        let read = Manifest::read(folder)?;
+        match &mut manifest {
+            None => manifest = Some(read),
+            Some(first) => {
+                let differences = read.settings.differences(&first.settings);
+                if !differences.is_empty() {
+                    return Err(Error::Settings { path: Manifest::path(folder), differences });
+                }
+                first.views = first.views.max(read.views);
+            }
+        }
+        found.extend(views(folder)?.into_iter().map(|view| (view, folder)));
+    }
+    // Stable: of equal ids the first set's comes first.
+    found.sort_by(|(a, _), (b, _)| a.identity().id.cmp(&b.identity().id));
+    let mut merged = Merged::default();
+    let mut chosen: Vec<(View, &Path)> = Vec::new();
+    for (view, folder) in found {
+        match chosen.last() {
+            Some((other, first)) if other.identity().id == view.identity().id => {
+                if !is_same(other, &view) {
+                    return Err(Error::Conflict {
+                        id: view.identity().id.clone(),
+                        first: first.to_path_buf(),
+                        second: folder.to_path_buf(),
+                    });
+                }
+            }
+            _ => chosen.push((view, folder)),
+        }
+    }
+    fs::create_dir_all(output).map_err(at(output))?;
+    if let Some(manifest) = manifest {
+        manifest.write(output)?;
+    }
+    for (view, folder) in chosen {
+        if folder == output {
+            merged.already_there += 1;
+        } else {
+            copy(&view, folder, output)?;
+            merged.copied += 1;
+        }
+    }
+    Ok(merged)
+}
+
+/// Are the pictures the same? How long they took may differ.
+fn is_same(a: &View, b: &View) -> bool {
+    match (a, b) {
+        (View::Rendered(a), View::Rendered(b)) => a.noisy == b.noisy && a.reference == b.reference,
+        (View::Skipped(a), View::Skipped(b)) => a.skipped == b.skipped,
+        _ => false,
+    }
+}
+
+fn copy(view: &View, from: &Path, to: &Path) -> Result<(), Error> {
+    let id = &view.identity().id;
+    let (from, folder) = (View::folder(from, id), View::folder(to, id));
+    fs::create_dir_all(&folder).map_err(at(&folder))?;
+    if let View::Rendered(view) = view {
+        let noisy = view.noisy.iter().map(|noisy| (&noisy.file, &noisy.sha256));
+        for (file, expected) in noisy.chain([(&view.reference.file, &view.reference.sha256)]) {
+            let (from, to) = (from.join(file), folder.join(file));
+            let bytes = fs::read(&from).map_err(at(&from))?;
+            let found = sha256::hexadecimal(&bytes);
+            if found != *expected {
+                return Err(Error::Format {
+                    path: from,
+                    found: format!("the SHA-256 {found}"),
+                    expected: expected.clone(),
+                });
+            }
+            fs::write(&to, bytes).map_err(at(&to))?;
+        }
+    }
+    view.write(to)
+}
