@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from quietlight_training import channels, kernels, transforms
 from quietlight_training.network import SIZE_MULTIPLE
@@ -47,16 +48,13 @@ def random_layers(generator: np.random.Generator) -> dict[str, dict[str, np.ndar
     layers["diffuse"]["mean"][:, 2, 3:6] = 0
     layers["depth"]["mean"][:, :3, :2] = 0
     layers["depth"]["variance"][:, :3, :2] = 0
-    layers["depth"]["mean"][:, 7:, 6:] *= 100
+    layers["depth"]["mean"][:, 7:, 6:] += 100
     layers["specular"]["mean"][:, 8, 4] = (900, 1200, 0)
     layers["specular"]["variance"][:, 8, 4] = (1e5, 2e6, 0)
     layers["specular"]["mean"][1, 1, 1] = -0.25
     layers["diffuse"]["variance"][:, 5] = 0
     layers["specular"]["variance"][:, 5] = 0
-    return {
-        name: {role: values.astype(np.float32).round(4) for role, values in layer.items()}
-        for name, layer in layers.items()
-    }
+    return layers
 
 
 def buffers_of(layers: dict[str, dict[str, np.ndarray]]) -> Buffers:
@@ -91,10 +89,15 @@ def pyramid_fixture(buffers: Buffers, generator: np.random.Generator) -> dict:
     results = {}
     for branch, (signal, variance) in signals.items():
         levels = [
-            random_logits(generator, 1, kernels.LEVEL_LOGITS if level < 3 else kernels.FINE_TAPS, *(p >> level for p in padded))
-            for level in range(kernels.LEVELS)
+            random_logits(generator, 1, *shape)
+            for shape in (
+                (4 * kernels.LEVEL_LOGITS, padded[0] // 2, padded[1] // 2),
+                (kernels.LEVEL_LOGITS, padded[0] // 2, padded[1] // 2),
+                (kernels.LEVEL_LOGITS, padded[0] // 4, padded[1] // 4),
+                (kernels.FINE_TAPS, padded[0] // 8, padded[1] // 8),
+            )
         ]
-        results[branch] = kernels.apply_pyramid(levels, signal)
+        results[branch] = kernels.apply_pyramid([functional.pixel_shuffle(levels[0], 2), *levels[1:]], signal)
         fixture[branch] = {
             "signal": numbers(signal),
             "input": numbers(channels.pyramid_channels(signal, variance, features)),

@@ -51,7 +51,9 @@ class Denoiser(nn.Module):
         )
         results = []
         for network, (signal, variance) in zip((self.diffuse, self.specular), signals, strict=True):
-            levels = self._logits(network, _padded(channels.pyramid_channels(signal, variance, features)))
+            inputs = _padded(channels.pyramid_channels(signal, variance, features))
+            levels = self._logits(network, functional.pixel_unshuffle(inputs, 2))
+            levels[0] = functional.pixel_shuffle(levels[0], 2)
             results.append(apply_pyramid(levels, signal))
         diffuse, specular = results
         radiance = transforms.modulate(diffuse, buffers.demodulation, scale) + specular / scale
