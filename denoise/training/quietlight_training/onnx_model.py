@@ -74,6 +74,28 @@ def describe(model: onnx.ModelProto, config: NetworkConfig, tier: str, branch: s
     onnx.helper.set_model_props(model, metadata)
 
 
+def round_weights(denoiser: Denoiser) -> None:
+    """Rounds all weights to float16, which is what their file will hold."""
+    with torch.no_grad():
+        for weight in denoiser.parameters():
+            weight.copy_(weight.half().float())
+
+
+def halve_weights(model: onnx.ModelProto) -> None:
+    """Stores the weights as float16, converted back by a Cast that onnxruntime folds away on loading: half the file."""
+    graph = model.graph
+    casts = []
+    for tensor in graph.initializer:
+        if tensor.data_type != onnx.TensorProto.FLOAT or not tensor.dims:
+            continue
+        name = tensor.name
+        half = onnx.numpy_helper.to_array(tensor).astype(np.float16)
+        tensor.CopyFrom(onnx.numpy_helper.from_array(half, f"{name}.half"))
+        casts.append(onnx.helper.make_node("Cast", [tensor.name], [name], to=onnx.TensorProto.FLOAT))
+    for cast in reversed(casts):
+        graph.node.insert(0, cast)
+
+
 def session(model: onnx.ModelProto | Path, threads: int = 0) -> onnxruntime.InferenceSession:
     """The model loaded for the CPU; 0 threads are onnxruntime's choice."""
     options = onnxruntime.SessionOptions()
