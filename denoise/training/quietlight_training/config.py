@@ -52,9 +52,10 @@ class LossConfig:
     """Weights of the terms of the loss; see `losses`."""
 
     branches: float = 1.0
-    relative_l2: float = 1.0
+    relative_l2: float = 3.0
     dissimilarity: float = 1.0
     shown: float = 1.0
+    radiance: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -119,16 +119,18 @@ class Training:
         """Steps, logs, validates and saves until the end."""
         started, already = time.monotonic(), self.seconds
         saved = validated = self.seconds
-        sums: dict[str, float] = {}
-        while not self.is_done():
+        rows: list[dict[str, float]] = []
+        if self.is_done():
+            return
+        while True:
             terms = self.train_step()
             self.seconds = already + time.monotonic() - started
-            for name, value in terms.items():
-                sums[name] = sums.get(name, 0.0) + value
+            rows.append(terms)
             if self.step % LOG_STEPS == 0:
-                self.log_training({name: value / LOG_STEPS for name, value in sums.items()})
-                sums = {}
-            # The last save and validation come after the loop.
+                self.log_training({name: sum(row[name] for row in rows) / len(rows) for name in terms})
+                rows = []
+            if self.is_done():
+                break
             if self.seconds - validated > 60 * self.args.validate_minutes:
                 self.validate()
                 validated = self.seconds
@@ -245,5 +247,5 @@ def provenance(data: Path, every: list[examples.Example]) -> dict[str, object]:
         "held_out_examples": sum(example.split == "validation" for example in every),
         "commit": commit.stdout.strip() or "unknown",
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
-        "torch": torch.__version__,
+        "torch": str(torch.__version__),
     }

@@ -1,14 +1,15 @@
 """What a network is trained to make small.
 
 The aim is a low relative L2 and a low 1 − SSIM at every sample count, against a reference that itself has a little noise.
-Four terms, each a mean over an image:
+Five terms, each a mean over an image:
 
 - `branches`: |ln(1 + ŝ) − ln(1 + s)| of each branch's signal, which fireflies cannot dominate and which tells a branch
   its own faults where the other is brighter;
 - `relative_l2`: the metric, with a Huber tail: quadratic in the relative error up to 1, linear beyond, where a convex
   combination that let a firefly in would otherwise outweigh all other pixels of a batch;
 - `dissimilarity`: 1 − SSIM of what is shown;
-- `shown`: L1 of what is shown, and of its gradients.
+- `shown`: L1 of what is shown, and of its gradients;
+- `radiance`: L1 of the recombined radiance, the paper's (Bako et al. 2017, section 5.2); off unless one trains its network.
 
 The second and third are divided by the square root of the same figure of the noisy image: the best that can be had grows
 about so with the noise, and thus high sample counts, where denoisers do harm, matter as much as low ones.
@@ -66,8 +67,9 @@ def loss(denoised: Denoised, target: Target, config: LossConfig) -> tuple[Tensor
             dissimilarity(shown, reference_shown) / (noisy_dissimilarity + LEAST_DISSIMILARITY).sqrt()
         ).mean(),
         "shown": (shown - reference_shown).abs().mean() + gradient_difference(shown, reference_shown),
+        "radiance": (image - reference).abs().mean(),
     }
-    total = sum(getattr(config, name) * term for name, term in terms.items())
+    total = sum(getattr(config, name) * term for name, term in terms.items() if getattr(config, name))
     return total, {name: term.item() for name, term in terms.items()}
 
 
