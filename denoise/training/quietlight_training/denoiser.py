@@ -90,5 +90,5 @@ def _padded(inputs: Tensor) -> Tensor:
             size = inputs.shape[axis]
             amount = min(wanted - size, max(size - 1, 1))
             mode = "reflect" if size > 1 else "replicate"
-            inputs = functional.pad(inputs, (0, amount) if axis == 3 else (0, 0, 0, amount), mode=mode)
+            inputs = functional.pad(inputs, (0, amount, 0, 0) if axis == 3 else (0, 0, 0, amount), mode=mode)
     return inputs

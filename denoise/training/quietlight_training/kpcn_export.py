@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> None:
     for branch in BRANCHES:
         network = getattr(denoiser, branch)
         model = onnx_model.to_onnx(network, config, tier, branch)
-        if not args.full_precision:
+        if not args.full_precision and not args.int8:
             onnx_model.halve_weights(model)
         difference = check(model, network, onnx_model.input_channels(config))
         if args.int8:

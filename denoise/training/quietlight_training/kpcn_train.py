@@ -63,12 +63,7 @@ class Training:
         self.args = args
         self.rank = distributed.get_rank() if distributed.is_initialized() else 0
         self.device = torch.device("cuda", self.rank) if torch.cuda.is_available() else torch.device("cpu")
-        is_log_specular = config.network.kind == "kernel"
-        every = examples.read_index(args.data)
-        self.held_out = [example for example in every if example.split == "validation"]
-        training = [example for example in every if example.split == "train"]
-        self.sampler = PatchSampler(args.data, training, config.augmentation, is_log_specular)
-        self.validation = scores.choose(self.held_out, args.validation_images)
+        self.read_data()
 
         torch.manual_seed(config.seed)
         self.denoiser = Denoiser(config.network, bf16=config.optimiser.bf16)
@@ -81,12 +76,21 @@ class Training:
         )
         self.step = 0
         self.seconds = 0.0
-        self.provenance = provenance(args.data, every)
         args.output.mkdir(parents=True, exist_ok=True)
         self.restore()
         self.module: nn.Module = self.denoiser
         if distributed.is_initialized():
             self.module = DistributedDataParallel(self.denoiser)
+
+    def read_data(self) -> None:
+        """Reads the index of the examples, which may grow while the run lasts."""
+        every = examples.read_index(self.args.data)
+        training = [example for example in every if example.split == "train"]
+        held_out = [example for example in every if example.split == "validation"]
+        is_log_specular = self.config.network.kind == "kernel"
+        self.sampler = PatchSampler(self.args.data, training, self.config.augmentation, is_log_specular)
+        self.validation = scores.choose(held_out, self.args.validation_images)
+        self.provenance = provenance(self.args.data, every)
 
     def restore(self) -> None:
         """Goes on from the run's checkpoint, or starts from the weights of `--initial`."""
@@ -136,6 +140,7 @@ class Training:
                 validated = self.seconds
             if self.seconds - saved > 60 * self.args.save_minutes:
                 self.save()
+                self.read_data()
                 saved = self.seconds
         self.validate()
         self.save()

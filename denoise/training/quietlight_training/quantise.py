@@ -57,7 +57,7 @@ def quantise(model: onnx.ModelProto, inputs: list[np.ndarray]) -> onnx.ModelProt
     with tempfile.TemporaryDirectory() as folder:
         source, prepared, result = (str(Path(folder) / name) for name in ("a.onnx", "b.onnx", "c.onnx"))
         onnx.save(model, source)
-        quantization.quant_pre_process(source, prepared)
+        quantization.quant_pre_process(source, prepared, skip_symbolic_shape=True)
         quantization.quantize_static(
             prepared,
             result,
