@@ -147,7 +147,7 @@ def network_fixture(buffers: Buffers, tier: str, config: NetworkConfig, output: 
         for name, weight in denoiser.named_parameters():
             # Away from the tidy start: biases other than 0, logits that differ.
             weight.add_(0.1 * torch.randn_like(weight))
-            if "heads" in name:
+            if "heads" in name and "weight" in name:
                 weight.mul_(LOGIT_SCALE)
     onnx_model.round_weights(denoiser)
     for branch in BRANCHES:
