@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Writes `denoise/tests/fixtures`: what Rust and Python must both compute from the same numbers.
 
     layers.json     a small layered image with the extremes that matter: no albedo, unknown depth, black, very bright
