@@ -53,6 +53,9 @@ impl Maker<'_> {
         };
         let kinds: &[(f64, Kind)] = match role {
             Role::Wall => &[(84.0, Diffuse), (9.0, RoughPlastic), (4.0, Plastic), (2.0, Blend), (1.0, RoughConductor)],
+            Role::Tiled => &[(30.0, Diffuse), (30.0, RoughPlastic), (40.0, Plastic)],
+            Role::Coloured => &[(100.0, Diffuse)],
+            Role::Polished => &[(45.0, RoughPlastic), (30.0, Plastic), (20.0, RoughConductor), (5.0, Blend)],
             Role::Ceiling => &[(95.0, Diffuse), (5.0, RoughPlastic)],
             Role::Floor => &[(42.0, Diffuse), (26.0, RoughPlastic), (16.0, Plastic), (8.0, Blend), (6.0, RoughConductor), (2.0, Conductor)],
             Role::Furniture => &[(45.0, Diffuse), (25.0, RoughPlastic), (12.0, Plastic), (10.0, RoughConductor), (5.0, Blend), (3.0, Conductor)],
@@ -247,7 +250,7 @@ impl Maker<'_> {
 /// How many of the materials of a role have a relief.
 fn relief_share(role: Role) -> f64 {
     match role {
-        Role::Floor | Role::Thing(_) => 0.12,
+        Role::Floor | Role::Tiled | Role::Thing(_) => 0.12,
         Role::Wall | Role::Furniture | Role::Sheet => 0.08,
         _ => 0.0,
     }

@@ -29,7 +29,7 @@ mod xml;
 pub use error::Error;
 
 use crate::scene::{FilmSettings, LoadOptions, Scene};
-use camera::View;
+use camera::{Aim, View};
 use random::Random;
 use stage::Stage;
 use std::path::{Path, PathBuf};
@@ -138,9 +138,10 @@ fn film(random: &mut Random) -> [u32; 2] {
 
 /// The best of some candidates.
 fn choose_view(scene: &Scene, stage: &Stage, random: &mut Random) -> View {
+    let aim = random.weighted(&[(0.3, Aim::Thing), (0.35, Aim::Group), (0.35, Aim::Surroundings)]);
     let mut best = (f64::NEG_INFINITY, View::any());
     for _ in 0..CANDIDATES {
-        let view = View::candidate(stage, random);
+        let view = View::candidate(stage, aim, random);
         let score = view.score(scene);
         if score > best.0 {
             best = (score, view);
