@@ -165,3 +165,34 @@ impl View {
         sensor.child(film).child(sampler)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::LoadOptions;
+
+    #[test]
+    fn the_camera_that_judges_is_the_one_in_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.xml");
+        let view = View {
+            origin: DVec3::new(3.0, 2.0, -1.0),
+            target: DVec3::new(0.5, 0.2, 0.1),
+            up: DVec3::new(0.2, 1.0, 0.1),
+            ..View::any()
+        }
+        .defocused(0.03);
+        let film = [64, 48];
+        let ball = Element::plugin("shape", "sphere").point("center", DVec3::new(9.0, 0.0, 2.0));
+        let scene = Element::new("scene").attribute("version", "3.0.0");
+        std::fs::write(&path, scene.child(view.element(film)).child(ball).text()).unwrap();
+        let scene = Scene::load(&path, &LoadOptions::default()).unwrap();
+        let ours = view.camera(&scene, film).unwrap();
+        for (raster, lens) in [([1.0, 2.0], [0.1, 0.9]), ([63.0, 40.0], [0.7, 0.3])] {
+            let (raster, lens) = (Vec2::from(raster), Vec2::from(lens));
+            let (a, b) = (ours.ray(raster, lens), scene.camera.ray(raster, lens));
+            assert!((a.origin - b.origin).length() < 1e-4, "{} {}", a.origin, b.origin);
+            assert!((a.direction - b.direction).length() < 1e-5, "{} {}", a.direction, b.direction);
+        }
+    }
+}

@@ -93,12 +93,15 @@ impl Set<'_> {
         let last = profile.len() - 1;
         let mesh = super::mesh::Mesh::grid(1, last, |u, v| {
             let p = profile[(v * last as f64).round() as usize];
-            (DVec3::new((2.0 * u - 1.0) * width, p.y, p.x), DVec2::new(u * 2.0 * width, v * 9.0 * r))
+            (
+                DVec3::new((2.0 * u - 1.0) * width, p.y, p.x),
+                DVec2::new(u * 2.0 * width, v * 9.0 * r),
+            )
         });
         let role = if self.random.chance(0.6) { Role::Wall } else { Role::Floor };
         self.stage.place(&Object::of(role, Form::Mesh(mesh)), self.random)?;
         self.stage.tag("backdrop");
-        let count = self.random.integer(1, 7);
+        let count = self.random.integer(2, 9);
         self.things(0.0, count)
     }
 
@@ -112,7 +115,8 @@ impl Set<'_> {
             let share = 1.0 - 0.3333 * f64::from(step);
             let half = r * (1.2 + 0.25 * (1.0 - share) * 3.0);
             let low = DVec3::new(-half, 0.0, -half);
-            object.add_mesh(Role::Floor, &solid::cuboid(low, DVec3::new(half, height * share, half)));
+            object
+                .add_mesh(Role::Floor, &solid::cuboid(low, DVec3::new(half, height * share, half)));
         }
         self.stage.place(&object, self.random)?;
         let count = self.random.integer(2, 6);
@@ -130,7 +134,7 @@ impl Set<'_> {
         self.stage.place(&columns, self.random)?;
         self.stage.show(&columns);
         self.stage.tag("terrace");
-        let count = self.random.integer(2, 7);
+        let count = self.random.integer(4, 14);
         self.things(height, count)
     }
 
@@ -216,7 +220,8 @@ impl Set<'_> {
         self.things(-depth, count)?;
         if self.random.chance(0.7) {
             let radius = r * self.random.log_uniform(0.04, 0.3);
-            let center = r * self.random.point(DVec3::new(-1.0, 1.5, -1.0), DVec3::new(1.0, 3.0, 1.0));
+            let center =
+                r * self.random.point(DVec3::new(-1.0, 1.5, -1.0), DVec3::new(1.0, 3.0, 1.0));
             let radiance = colour::light(self.random) * (2.0 * r * r / (radius * radius));
             self.stage.add_shining(Form::Sphere { center, radius }, radiance);
             self.stage.tag("sphere-light");
@@ -298,9 +303,13 @@ impl Set<'_> {
             0..=2 => {
                 let normal = -at.normalize();
                 let (u, v) = normal.any_orthonormal_pair();
-                let (a, b) = (r * self.random.log_uniform(0.03, 1.2), r * self.random.log_uniform(0.03, 1.2));
+                let (a, b) = (
+                    r * self.random.log_uniform(0.03, 1.2),
+                    r * self.random.log_uniform(0.03, 1.2),
+                );
                 let radiance = colour::light(self.random) * power / (4.0 * a * b);
-                self.stage.add_shining(Form::Rectangle { center: at, u: u * a, v: v * b }, radiance);
+                self.stage
+                    .add_shining(Form::Rectangle { center: at, u: u * a, v: v * b }, radiance);
                 self.stage.tag("area-light");
             }
             3 => {
