@@ -168,8 +168,10 @@ impl Stage {
     /// # Errors
     /// The file system refuses.
     pub(super) fn remove_files(&self) -> Result<(), Error> {
-        let remove = |path| std::fs::remove_file(path).map_err(|source| Error::io(path, source));
-        self.files.iter().try_for_each(remove)
+        for path in &self.files {
+            std::fs::remove_file(path).map_err(|source| Error::io(path, source))?;
+        }
+        Ok(())
     }
 
     /// The whole scene file; `shapes` are those of [`Stage::write_meshes`]. Light is multiplied by `exposure`.
