@@ -6,7 +6,7 @@ mod sculpture;
 mod slender;
 mod vessel;
 
-pub(super) use furniture::{bench, chair, lampshade, pedestal, shelf, stairs, table};
+pub(super) use furniture::{basin, bench, chair, lampshade, pedestal, shelf, stairs, table};
 
 use super::form::{Form, Object, Role};
 use super::random::Random;

@@ -42,7 +42,8 @@ pub(in crate::dataset::generator) fn table(random: &mut Random, size: DVec3) -> 
 
 /// A chair of a seat, legs and a back of slats.
 pub(in crate::dataset::generator) fn chair(random: &mut Random) -> Object {
-    let seat = DVec3::new(random.uniform(0.38, 0.5), random.uniform(0.42, 0.5), random.uniform(0.38, 0.5));
+    let seat =
+        DVec3::new(random.uniform(0.38, 0.5), random.uniform(0.42, 0.5), random.uniform(0.38, 0.5));
     let mut object = table(random, seat);
     let (back, slats) = (random.uniform(0.35, 0.6), random.integer(2, 6));
     let z = -0.5 * seat.z + 0.02;
@@ -122,10 +123,17 @@ pub(super) fn books(random: &mut Random) -> Object {
     let mut object = Object::default();
     let mut y = 0.0;
     for k in 0..random.integer(2, 8) {
-        let size = DVec3::new(random.uniform(0.5, 0.9), random.uniform(0.05, 0.2), random.uniform(0.7, 1.1));
+        let size = DVec3::new(
+            random.uniform(0.5, 0.9),
+            random.uniform(0.05, 0.2),
+            random.uniform(0.7, 1.1),
+        );
         let turn = DMat4::from_rotation_y(random.uniform(-0.3, 0.3));
         let at = DVec3::new(random.uniform(-0.05, 0.05), y, random.uniform(-0.05, 0.05));
-        object.add_mesh(Role::Thing((k % 4) as u8), &board(DVec3::ZERO, size).transformed(&(DMat4::from_translation(at) * turn)));
+        object.add_mesh(
+            Role::Thing((k % 4) as u8),
+            &board(DVec3::ZERO, size).transformed(&(DMat4::from_translation(at) * turn)),
+        );
         y += size.y + 0.002;
     }
     object
@@ -137,11 +145,39 @@ pub(super) fn panel(random: &mut Random) -> Object {
     let lean = DMat4::from_rotation_x(-random.uniform(0.0, 0.25));
     let mut object = Object::default();
     let frame = 0.04;
-    object.add_mesh(Role::Furniture, &board(DVec3::ZERO, DVec3::new(width + frame, height + frame, 0.03)).transformed(&lean));
+    object.add_mesh(
+        Role::Furniture,
+        &board(DVec3::ZERO, DVec3::new(width + frame, height + frame, 0.03)).transformed(&lean),
+    );
     let center = lean.transform_point3(DVec3::new(0.0, 0.5 * (height + frame), 0.017));
     let u = DVec3::X * 0.5 * width;
     let v = lean.transform_vector3(DVec3::Y) * 0.5 * height;
     object.add(Role::Picture(0), Form::Rectangle { center, u, v });
+    object
+}
+
+/// A basin on a foot, or a tub, with a tap over it.
+pub(in crate::dataset::generator) fn basin(random: &mut Random) -> Object {
+    let (radius, height) = (random.uniform(0.22, 0.4), random.uniform(0.5, 0.85));
+    let (depth, wall) = (random.uniform(0.1, 0.25), 0.025);
+    let foot = radius * random.uniform(0.3, 0.9);
+    let profile = [
+        DVec2::ZERO,
+        DVec2::new(foot, 0.0),
+        DVec2::new(0.8 * foot, height - depth - wall),
+        DVec2::new(0.75 * radius, height - 0.8 * depth),
+        DVec2::new(radius, height),
+        DVec2::new(radius - wall, height),
+        DVec2::new(0.65 * radius, height - 0.8 * depth),
+        DVec2::new(0.0, height - depth),
+    ];
+    let smooth = solid::smooth_curve(&profile, 6);
+    let smooth: Vec<DVec2> = smooth.iter().map(|p| p.max(DVec2::ZERO)).collect();
+    let mut object = Object::of(Role::Plate(0), Form::Mesh(solid::revolve(&smooth, 64)));
+    let tap = [(0.9, 0.0), (0.9, 0.2), (0.7, 0.3), (0.4, 0.28), (0.3, 0.18)]
+        .map(|(x, y)| DVec3::new(x * radius, height + y, 0.0));
+    let tube = solid::tube(&solid::smooth_curve(&tap, 6), |_| 0.014, 12, false);
+    object.add_mesh(Role::Metal, &tube);
     object
 }
 
@@ -155,7 +191,11 @@ pub(in crate::dataset::generator) fn pedestal(random: &mut Random, height: f64) 
 }
 
 /// Steps that climb along -z from `z = 0`; `width` across.
-pub(in crate::dataset::generator) fn stairs(random: &mut Random, width: f64, steps: usize) -> Object {
+pub(in crate::dataset::generator) fn stairs(
+    random: &mut Random,
+    width: f64,
+    steps: usize,
+) -> Object {
     let (rise, tread) = (random.uniform(0.14, 0.2), random.uniform(0.24, 0.34));
     let mut object = Object::default();
     let is_open = random.chance(0.4);
@@ -166,9 +206,13 @@ pub(in crate::dataset::generator) fn stairs(random: &mut Random, width: f64, ste
         object.add_mesh(Role::Furniture, &board(at, DVec3::new(width, y - bottom, tread)));
         let side = 0.5 * width - 0.04;
         let foot = DVec3::new(side, y, z);
-        object.add(Role::Metal, Form::Cylinder { start: foot, end: foot + DVec3::Y * 0.85, radius: 0.012 });
+        object.add(
+            Role::Metal,
+            Form::Cylinder { start: foot, end: foot + DVec3::Y * 0.85, radius: 0.012 },
+        );
     }
-    let (first, last) = (DVec3::new(0.5 * width - 0.04, rise + 0.85, -0.5 * tread), steps as f64 - 1.0);
+    let (first, last) =
+        (DVec3::new(0.5 * width - 0.04, rise + 0.85, -0.5 * tread), steps as f64 - 1.0);
     let end = first + DVec3::new(0.0, rise * last, -tread * last);
     object.add(Role::Metal, Form::Cylinder { start: first, end, radius: 0.025 });
     object.tagged("stairs")

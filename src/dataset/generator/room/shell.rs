@@ -52,7 +52,9 @@ impl Wall {
             let is_long = side % 2 == 0;
             let (width, depth) = if is_long { (size.x, size.z) } else { (size.z, size.x) };
             // The wall at the back, whose left end seen from inside is at -x, turned by quarters.
-            let turn = DMat4::from_rotation_y(std::f64::consts::FRAC_PI_2 * side as f64 + std::f64::consts::PI);
+            let turn = DMat4::from_rotation_y(
+                std::f64::consts::FRAC_PI_2 * side as f64 + std::f64::consts::PI,
+            );
             let corner = DMat4::from_translation(DVec3::new(-0.5 * width, 0.0, -0.5 * depth));
             Self { width, height: size.y, to_room: turn * corner }
         })
@@ -81,7 +83,8 @@ impl Wall {
 
     /// A sheet of glass in the middle of the opening.
     pub(super) fn pane(&self, opening: &Opening) -> Form {
-        let (center, half) = (0.5 * (opening.low + opening.high), 0.5 * (opening.high - opening.low));
+        let (center, half) =
+            (0.5 * (opening.low + opening.high), 0.5 * (opening.high - opening.low));
         self.rectangle(center, half, -0.5 * THICKNESS)
     }
 
@@ -115,11 +118,19 @@ impl Wall {
         let mut mesh = Mesh::default();
         for k in 0..=counts[0] + 1 {
             let x = low.x + (high.x - low.x) * k as f64 / (counts[0] + 1) as f64;
-            mesh.append(&self.slab(DVec2::new(x - thick, low.y), DVec2::new(x + thick, high.y), depth));
+            mesh.append(&self.slab(
+                DVec2::new(x - thick, low.y),
+                DVec2::new(x + thick, high.y),
+                depth,
+            ));
         }
         for k in 0..=counts[1] + 1 {
             let y = low.y + (high.y - low.y) * k as f64 / (counts[1] + 1) as f64;
-            mesh.append(&self.slab(DVec2::new(low.x, y - thick), DVec2::new(high.x, y + thick), depth));
+            mesh.append(&self.slab(
+                DVec2::new(low.x, y - thick),
+                DVec2::new(high.x, y + thick),
+                depth,
+            ));
         }
         mesh
     }
@@ -148,7 +159,8 @@ impl Wall {
     /// The leaf of a door, turned out of its frame by `angle` radians, away from the room.
     pub(super) fn door(&self, opening: &Opening, angle: f64) -> Mesh {
         let size = opening.high - opening.low;
-        let leaf = cuboid(DVec3::new(0.0, 0.01, -0.04), DVec3::new(size.x - 0.01, size.y - 0.01, 0.0));
+        let leaf =
+            cuboid(DVec3::new(0.0, 0.01, -0.04), DVec3::new(size.x - 0.01, size.y - 0.01, 0.0));
         let hinge = DVec3::new(opening.low.x, 0.0, -THICKNESS);
         let place = DMat4::from_translation(hinge) * DMat4::from_rotation_y(angle);
         leaf.transformed(&(self.to_room * place))
@@ -172,5 +184,71 @@ impl Wall {
         }
         let lamp = DVec3::new(right - 0.35, 0.75 * height, 0.5 * (back + front));
         Behind { shell, lamp: self.to_room.transform_point3(lamp) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Geometry, Part, Ray};
+    use glam::Vec3;
+
+    /// A mesh as the loader would make it.
+    fn part(mesh: &Mesh) -> Part {
+        Part::Mesh(crate::geometry::Mesh {
+            positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
+            triangles: mesh.triangles.clone(),
+            ..crate::geometry::Mesh::default()
+        })
+    }
+
+    /// How many of rays in all directions leave the room around the origin.
+    fn escapes(meshes: &[Mesh]) -> usize {
+        let geometry = Geometry::new(meshes.iter().map(part).collect());
+        let mut random = Random::new(3, 0);
+        let rays = (0..4000).map(|_| Ray::new(Vec3::Y, random.direction().as_vec3()));
+        rays.filter(|ray| geometry.intersect(ray).is_none()).count()
+    }
+
+    fn room(opening: Option<&Opening>) -> (Vec<Mesh>, [Wall; 4]) {
+        let size = DVec3::new(3.0, 2.5, 4.0);
+        let half = DVec3::new(1.5, 2.5, 2.0);
+        let walls = Wall::around(size);
+        let mut meshes = vec![floor(half, 0.0, 1.0), floor(half, 2.5, -1.0)];
+        let with = |(side, wall): (usize, &Wall)| wall.with_opening(opening.filter(|_| side == 1));
+        meshes.extend(walls.iter().enumerate().map(with));
+        (meshes, walls)
+    }
+
+    #[test]
+    fn only_windows_let_light_into_a_room() {
+        assert_eq!(escapes(&room(None).0), 0);
+        let window =
+            Opening { low: DVec2::new(1.0, 0.8), high: DVec2::new(3.0, 2.0), is_door: false };
+        assert!(escapes(&room(Some(&window)).0) > 50);
+    }
+
+    #[test]
+    fn the_room_behind_a_door_is_closed() {
+        let door = Opening { low: DVec2::new(1.0, 0.0), high: DVec2::new(1.9, 2.0), is_door: true };
+        let (mut meshes, walls) = room(Some(&door));
+        assert!(escapes(&meshes) > 50);
+        let behind = walls[1].behind(&door, 1.5, 2.5);
+        assert!(behind.lamp.x.abs() > 1.5, "outside the first room: {}", behind.lamp);
+        meshes.push(behind.shell);
+        assert_eq!(escapes(&meshes), 0);
+    }
+
+    #[test]
+    fn walls_stand_where_they_are_said_to() {
+        let walls = Wall::around(DVec3::new(3.0, 2.5, 4.0));
+        let side =
+            |wall: &Wall| wall.to_room.transform_point3(DVec3::new(0.5 * wall.width, 1.0, 0.0));
+        let middles = [DVec3::Z * 2.0, DVec3::X * 1.5, DVec3::Z * -2.0, DVec3::X * -1.5];
+        for (wall, middle) in walls.iter().zip(middles) {
+            assert!((side(wall) - (middle + DVec3::Y)).length() < 1e-9, "{}", side(wall));
+            let inward = wall.to_room.transform_vector3(DVec3::Z);
+            assert!(inward.dot(middle) < 0.0);
+        }
     }
 }
