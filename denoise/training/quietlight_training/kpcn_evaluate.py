@@ -1,0 +1,12 @@
+"""Scores a kernel-predicting network."""
+
+import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `evaluate.py kpcn`."""
+    parser.add_argument("--config", required=True)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Scores."""
