@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 #[path = "src/sha256.rs"]
+#[allow(unreachable_pub, reason = "it is public in the library, which has the same file")]
 mod sha256;
 
 /// A package that has onnxruntime in it, and where.

@@ -4,6 +4,7 @@
 mod args;
 mod compare;
 mod denoise;
+mod denoising;
 mod doctor;
 mod inspect;
 mod progress;

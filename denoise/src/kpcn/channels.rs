@@ -223,10 +223,7 @@ fn mean_variance(planes: Planes<'_>, row: std::ops::Range<usize>, out: &mut [f32
 }
 
 /// Calls `write` for each row of a tile with that row of each channel, and reflects what is there into the padding.
-fn fill<const N: usize>(
-    tile: &Tile,
-    write: impl Fn(usize, [&mut [f32]; N]) + Sync,
-) -> Vec<f32> {
+fn fill<const N: usize>(tile: &Tile, write: impl Fn(usize, [&mut [f32]; N]) + Sync) -> Vec<f32> {
     let [padded_height, padded_width] = tile.padded;
     let [height, width] = tile.size();
     let mut channels = vec![0.0; N * padded_height * padded_width];
@@ -335,7 +332,11 @@ impl Margin<1> {
     fn steps(&self, y: usize, dx: &mut [f32], dy: &mut [f32]) {
         self.differences(y, [&mut *dx], [&mut *dy]);
         for step in dx.iter_mut().chain(dy) {
-            *step = if step.is_nan() { 0.0 } else { step.clamp(-LARGEST_DEPTH_STEP, LARGEST_DEPTH_STEP) };
+            *step = if step.is_nan() {
+                0.0
+            } else {
+                step.clamp(-LARGEST_DEPTH_STEP, LARGEST_DEPTH_STEP)
+            };
         }
     }
 }

@@ -103,7 +103,9 @@ impl Denoiser {
         }
         if first.kind != second.kind {
             let found = format!("{:?}", second.kind);
-            return Err(specular.refused(found, &format!("{:?} as in {}", first.kind, diffuse.name)));
+            return Err(
+                specular.refused(found, &format!("{:?} as in {}", first.kind, diffuse.name))
+            );
         }
         Ok(Self { models: [diffuse, specular] })
     }
@@ -215,3 +217,6 @@ fn apply<const C: usize>(kind: Kind, logits: &[&[f32]], tile: &Tile, signal: &[f
         Kind::Kernel { size } => kernel::apply::<C>(logits[0], tile.size(), size, signal),
     }
 }
+
+#[cfg(test)]
+mod tests;

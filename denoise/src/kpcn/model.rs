@@ -75,7 +75,8 @@ fn parse(list: &str) -> Result<Vec<Entry>, Error> {
     let damaged = |found: String| Error::Model {
         name: "models.json".into(),
         found,
-        expected: "{\"models\": [{\"name\", \"file\", \"sha256\", \"tier\", \"branch\"}, ...]}".into(),
+        expected: "{\"models\": [{\"name\", \"file\", \"sha256\", \"tier\", \"branch\"}, ...]}"
+            .into(),
     };
     let json: serde_json::Value =
         serde_json::from_str(list).map_err(|error| damaged(format!("no JSON ({error})")))?;

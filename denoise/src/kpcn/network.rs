@@ -153,9 +153,10 @@ impl Network {
         };
         expect("version", VERSION)?;
         let branch = say("branch");
-        let branch = Branch::ALL.into_iter().find(|known| known.name() == branch).ok_or_else(|| {
-            model.refused(format!("the branch '{branch}'"), "'diffuse' or 'specular'")
-        })?;
+        let branch =
+            Branch::ALL.into_iter().find(|known| known.name() == branch).ok_or_else(|| {
+                model.refused(format!("the branch '{branch}'"), "'diffuse' or 'specular'")
+            })?;
         let epsilon = say("epsilon");
         if epsilon.parse() != Ok(EPSILON) {
             return Err(model.refused(format!("the epsilon '{epsilon}'"), &EPSILON.to_string()));
@@ -163,7 +164,9 @@ impl Network {
         let outputs = session.outputs();
         let (kind, names) = match say("kind").as_str() {
             "kernel_pyramid" => (Kind::KernelPyramid, &channels::PYRAMID[..]),
-            "kernel" => (Kind::Kernel { size: kernel_size(model, outputs)? }, &channels::KERNEL[..]),
+            "kernel" => {
+                (Kind::Kernel { size: kernel_size(model, outputs)? }, &channels::KERNEL[..])
+            }
             other => {
                 let found = format!("the kind '{other}'");
                 return Err(model.refused(found, "'kernel_pyramid' or 'kernel'"));
@@ -239,11 +242,7 @@ fn kernel_size(model: &Model, outputs: &[Outlet]) -> Result<usize, Error> {
     Err(model.refused(format!("{channels} logits a pixel"), "the square of an odd number"))
 }
 
-fn session(
-    environment: &Environment,
-    bytes: &[u8],
-    threads: usize,
-) -> Result<Session, ort::Error> {
+fn session(environment: &Environment, bytes: &[u8], threads: usize) -> Result<Session, ort::Error> {
     Ok(Session::builder(environment)?
         .with_intra_threads(threads)?
         .with_inter_threads(1)?

@@ -123,6 +123,12 @@ impl<'a> Picture<'a> {
         }
     }
 
+    /// The picture as it was put together.
+    #[cfg(test)]
+    pub(super) fn unmixed(&self) -> &Image {
+        &self.image
+    }
+
     /// The picture when all tiles are in it, mixed with the noisy one where filtering harms.
     pub(super) fn finish(mut self) -> (Image, Option<Fractions>) {
         let fractions =
@@ -159,7 +165,9 @@ impl<'a> Part<'a> {
     fn new(picture: &'a Picture<'a>, branch: Branch, kind: Kind) -> Option<Self> {
         let buffers = picture.buffers;
         let domain = match (kind, branch) {
-            (Kind::KernelPyramid, _) => Domain::Linear(buffers.modulation(branch, buffers.exposure)),
+            (Kind::KernelPyramid, _) => {
+                Domain::Linear(buffers.modulation(branch, buffers.exposure))
+            }
             (Kind::Kernel { .. }, Branch::Diffuse) => {
                 Domain::Linear(buffers.modulation(branch, 1.0))
             }

@@ -167,7 +167,8 @@ fn filter<const C: usize>(
                 });
             }
         }
-        for (coarse, index) in coarse.iter().flat_map(|c| (0..COARSE * COARSE).map(move |i| (c, i))) {
+        for (coarse, index) in coarse.iter().flat_map(|c| (0..COARSE * COARSE).map(move |i| (c, i)))
+        {
             let (dy, dx) = (index / COARSE, index % COARSE);
             if let Some(row) = neighbour(y / 2, dy, COARSE / 2, coarse.height) {
                 taps.push(Tap {

@@ -29,6 +29,12 @@ pub(super) fn combine<const C: usize>(taps: &[Tap<'_, C>], width: usize, out: &m
     vectorise(Combine { taps, width, out });
 }
 
+/// [`combine`] as a processor without wide vectors computes it.
+#[cfg(test)]
+pub(super) fn combine_portably<const C: usize>(taps: &[Tap<'_, C>], width: usize, out: &mut [f32]) {
+    Combine { taps, width, out }.run();
+}
+
 struct Combine<'a, const C: usize> {
     taps: &'a [Tap<'a, C>],
     width: usize,
@@ -117,7 +123,9 @@ impl<const C: usize> Bordered<C> {
     }
 
     /// Rows of all channels, for writing: `C` times `stride` numbers each, of which [`Self::inside`] are the picture.
-    pub(super) fn rows_mut(&mut self) -> impl rayon::iter::IndexedParallelIterator<Item = &mut [f32]> {
+    pub(super) fn rows_mut(
+        &mut self,
+    ) -> impl rayon::iter::IndexedParallelIterator<Item = &mut [f32]> {
         use rayon::slice::ParallelSliceMut;
         self.values.par_chunks_mut(C * self.stride)
     }

@@ -76,8 +76,8 @@ impl Grid {
         (0..parts)
             .map(|part| {
                 let write = edge(part)..edge(part + 1);
-                let read =
-                    write.start.saturating_sub(self.overlap)..(write.end + self.overlap).min(length);
+                let read = write.start.saturating_sub(self.overlap)
+                    ..(write.end + self.overlap).min(length);
                 Cut { read, write }
             })
             .collect()
