@@ -78,29 +78,34 @@ pub fn terms(
 }
 
 impl Evidence {
-    /// None yet, for an image of that size.
-    pub fn new(width: usize, height: usize) -> Self {
-        Self { width, terms: [(); 3].map(|()| vec![0.0; width * height]) }
+    /// Of an image of that size, of which `terms` gives the [`terms`] of a pixel by its index, row after row.
+    pub fn of(width: usize, height: usize, terms: impl Fn(usize) -> [f64; 3] + Sync) -> Self {
+        let mut planes = [(); 3].map(|()| vec![0.0; width * height]);
+        let [harm, change, chance] = &mut planes;
+        let rows = harm.par_chunks_mut(width).zip(change.par_chunks_mut(width));
+        let rows = rows.zip(chance.par_chunks_mut(width)).enumerate();
+        rows.for_each(|(y, ((harm, change), chance))| {
+            for x in 0..width {
+                [harm[x], change[x], chance[x]] = terms(y * width + x);
+            }
+        });
+        Self { width, terms: planes }
     }
 
-    /// All that is known, of a noisy and a denoised image, a sample of the noise, and the same filtered by the weights
-    /// that denoised the image; each `[3, height, width]`.
-    pub fn of(noisy: &Image, denoised: &Image, noise: &Image, filtered_noise: &Image) -> Self {
+    /// Of a noisy and a denoised image, a sample of the noise, and the same filtered by the weights that denoised the
+    /// image; each `[3, height, width]`.
+    pub fn of_images(
+        noisy: &Image,
+        denoised: &Image,
+        noise: &Image,
+        filtered_noise: &Image,
+    ) -> Self {
         let (_, height, width) = noisy.dim();
-        let mut evidence = Self::new(width, height);
-        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+        Self::of(width, height, |pixel| {
+            let (y, x) = (pixel / width, pixel % width);
             let colour = |image: &Image| [0, 1, 2].map(|channel| image[[channel, y, x]]);
-            let [noisy, denoised, noise, filtered] =
-                [noisy, denoised, noise, filtered_noise].map(colour);
-            evidence.tell(y * width + x, terms(noisy, denoised, noise, filtered));
-        }
-        evidence
-    }
-
-    /// Takes down the [`terms`] of a pixel, by its index row after row.
-    #[inline]
-    pub fn tell(&mut self, pixel: usize, terms: [f64; 3]) {
-        self.terms.iter_mut().zip(terms).for_each(|(plane, term)| plane[pixel] = term);
+            terms(colour(noisy), colour(denoised), colour(noise), colour(filtered_noise))
+        })
     }
 
     /// Mixes: `denoised` becomes `noisy + w (denoised − noisy)`. Both are `[3, height, width]`.

@@ -81,9 +81,9 @@ const LARGEST_DEPTH_STEP: f32 = 2.0;
 /// Variances of the paper's channels are fed as they are; this keeps a firefly from overflowing the first layer.
 const LARGEST_VARIANCE: f32 = 1e4;
 
-/// The channels [`PYRAMID`] of a tile, `[22, padded height, padded width]`.
-pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile) -> Vec<f32> {
-    let Some(light) = buffers.light(branch) else { return Vec::new() };
+/// Writes the channels [`PYRAMID`] of a tile into `out`, `[22, padded height, padded width]`.
+pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &mut Vec<f32>) {
+    let Some(light) = buffers.light(branch) else { return };
     let modulation = buffers.modulation(branch, buffers.exposure);
     let log = Margin::new(buffers.width, tile, |channel: usize, pixel| {
         logarithm(light.mean(channel)[pixel] * modulation.to_signal(channel, pixel))
@@ -98,7 +98,7 @@ pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile) -> Vec
             if depth[pixel] > 0.0 { depth[pixel].ln() } else { f32::NAN }
         })
     });
-    fill(tile, |y, channels: [&mut [f32]; 22]| {
+    fill(tile, out, |y, channels: [&mut [f32]; 22]| {
         let [l0, l1, l2, x0, x1, x2, y0, y1, y2, noise, log_noise, rest @ ..] = channels;
         let [n0, n1, n2, normal_noise, a0, a1, a2, albedo_noise, zx, zy, depth_noise] = rest;
         log.gradients(y, [l0, l1, l2], [x0, x1, x2], [y0, y1, y2]);
@@ -127,12 +127,12 @@ pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile) -> Vec
                 *out = relative.min(LARGEST_FEATURE_DEVIATION);
             }
         }
-    })
+    });
 }
 
-/// The channels [`KERNEL`] of a tile, `[27, padded height, padded width]`.
-pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile) -> Vec<f32> {
-    let Some(light) = buffers.light(branch) else { return Vec::new() };
+/// Writes the channels [`KERNEL`] of a tile into `out`, `[27, padded height, padded width]`.
+pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &mut Vec<f32>) {
+    let Some(light) = buffers.light(branch) else { return };
     let modulation = buffers.modulation(branch, 1.0);
     let width = buffers.width;
     let signal = Margin::new(width, tile, |channel: usize, pixel| {
@@ -153,7 +153,7 @@ pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile) -> Vec<
         let scale = if farthest > 0.0 { farthest } else { 1.0 };
         (planes, scale, Margin::<1>::new(width, tile, |_, pixel| planes.mean(0)[pixel] / scale))
     });
-    fill(tile, |y, channels: [&mut [f32]; 27]| {
+    fill(tile, out, |y, channels: [&mut [f32]; 27]| {
         let [s0, s1, s2, x0, x1, x2, y0, y1, y2, noise, rest @ ..] = channels;
         let [n0, n1, n2, n3, n4, n5, normal_noise, rest @ ..] = rest;
         let [a0, a1, a2, a3, a4, a5, albedo_noise, z0, z1, depth_noise] = rest;
@@ -191,7 +191,7 @@ pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile) -> Vec<
             }
             at_most(depth_noise);
         }
-    })
+    });
 }
 
 /// Standard deviation of `ln(1 + max(s, 0))` by the delta method, `√mean(σ²/(1 + max(s, 0))²)`, at most
@@ -223,10 +223,15 @@ fn mean_variance(planes: Planes<'_>, row: std::ops::Range<usize>, out: &mut [f32
 }
 
 /// Calls `write` for each row of a tile with that row of each channel, and reflects what is there into the padding.
-fn fill<const N: usize>(tile: &Tile, write: impl Fn(usize, [&mut [f32]; N]) + Sync) -> Vec<f32> {
+fn fill<const N: usize>(
+    tile: &Tile,
+    channels: &mut Vec<f32>,
+    write: impl Fn(usize, [&mut [f32]; N]) + Sync,
+) {
     let [padded_height, padded_width] = tile.padded;
     let [height, width] = tile.size();
-    let mut channels = vec![0.0; N * padded_height * padded_width];
+    channels.clear();
+    channels.resize(N * padded_height * padded_width, 0.0);
     let mut rows: Vec<Vec<&mut [f32]>> = (0..height).map(|_| Vec::with_capacity(N)).collect();
     for plane in channels.chunks_mut(padded_height * padded_width) {
         for (row, out) in rows.iter_mut().zip(plane.chunks_mut(padded_width)) {
@@ -248,7 +253,6 @@ fn fill<const N: usize>(tile: &Tile, write: impl Fn(usize, [&mut [f32]; N]) + Sy
             plane.copy_within(source..source + padded_width, y * padded_width);
         }
     });
-    channels
 }
 
 /// Values of `N` channels over a tile and over the row and the column before it, where the picture has them.

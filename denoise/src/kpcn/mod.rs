@@ -144,23 +144,29 @@ impl Denoiser {
                 networks.push(network);
             }
         }
-        let mut picture = Picture::new(&buffers);
         let grid = match networks.first().map(|network| network.kind) {
             Some(Kind::Kernel { .. }) => kernel::GRID,
             _ => pyramid::GRID,
         };
         let tiles = grid.tiles(buffers.width, buffers.height);
+        let mut picture = Picture::new(&buffers);
         let mut network_time = Duration::ZERO;
         let steps = (tiles.len() * networks.len()) as f32;
-        for (index, tile) in tiles.iter().enumerate() {
-            let mut filtered = Vec::new();
-            for (number, network) in networks.iter().enumerate() {
-                let (result, time) = filter_tile(network, &picture, tile, threads)?;
-                filtered.push(result);
+        for (number, network) in networks.iter().enumerate() {
+            let mut input = Vec::new();
+            for (index, tile) in tiles.iter().enumerate() {
+                let is_last = index + 1 == tiles.len();
+                let (filtered, time) =
+                    filter_tile(network, &picture, tile, &mut input, is_last, threads)?;
                 network_time += time;
-                progress((index * networks.len() + number + 1) as f32 / steps);
+                threads.install(|| picture.add(tile, &filtered));
+                progress((number * tiles.len() + index + 1) as f32 / steps);
             }
-            threads.install(|| picture.put(tile, &filtered));
+        }
+        for branch in Branch::ALL {
+            if networks.iter().all(|network| network.branch != branch) {
+                threads.install(|| picture.add_noisy(branch));
+            }
         }
         let (image, fractions) = threads.install(|| picture.finish());
         if let Some(((channel, y, x), _)) =
@@ -182,23 +188,26 @@ impl Denoiser {
     }
 }
 
-/// Runs a network over a tile and applies its kernels. Returns the filtered signal and the time in the network.
+/// Runs a network over a tile and applies its kernels. Returns the filtered signal and the time in the network. `input` is
+/// memory for the network's channels; `is_last` tells that no tile follows.
 fn filter_tile(
     network: &Network,
     picture: &Picture<'_>,
     tile: &Tile,
+    input: &mut Vec<f32>,
+    is_last: bool,
     threads: &rayon::ThreadPool,
 ) -> Result<(Filtered, Duration), Error> {
     let (branch, kind) = (network.branch, network.kind);
-    let (input, signal) = threads.install(|| {
-        let input = match kind {
-            Kind::KernelPyramid => channels::pyramid(picture.buffers, branch, tile),
-            Kind::Kernel { .. } => channels::kernel(picture.buffers, branch, tile),
-        };
-        (input, picture.signal(branch, kind, tile))
+    let signal = threads.install(|| {
+        match kind {
+            Kind::KernelPyramid => channels::pyramid(picture.buffers, branch, tile, input),
+            Kind::Kernel { .. } => channels::kernel(picture.buffers, branch, tile, input),
+        }
+        picture.signal(branch, kind, tile)
     });
     let start = Instant::now();
-    network.run(&input, tile.padded, |logits| {
+    network.run(input, tile.padded, is_last, |logits| {
         let time = start.elapsed();
         let signal = threads.install(|| {
             if picture.has_noise() {

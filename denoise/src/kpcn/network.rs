@@ -188,7 +188,8 @@ impl Network {
     }
 
     /// Runs the network on `input`, `[1, channels, height, width]`, and hands its outputs to `take`, in order, each
-    /// `[1, channels, height, width]` of its own level.
+    /// `[1, channels, height, width]` of its own level. Memory is kept for the next run unless this `is_last`: the sessions of
+    /// both branches would each keep their own.
     ///
     /// # Errors
     /// [`Error::Inference`] where onnxruntime fails or an output has not the size that follows from the input's.
@@ -196,15 +197,17 @@ impl Network {
         &self,
         input: &[f32],
         [height, width]: [usize; 2],
+        is_last: bool,
         take: impl FnOnce(&[&[f32]]) -> T,
     ) -> Result<T, Error> {
         let failed = |reason: String| Error::Inference { model: self.name.clone(), reason };
         let reason = |error: ort::Error| failed(error.to_string());
         let shape = [1, input.len() / (height * width), height, width];
         let tensor = TensorRef::from_array_view((shape, input)).map_err(reason)?;
-        // Gives the memory of large tiles back: the two branches' sessions would each keep their own.
         let mut options = RunOptions::new().map_err(reason)?;
-        options.set("memory.enable_memory_arena_shrinkage", "cpu:0").map_err(reason)?;
+        if is_last {
+            options.set("memory.enable_memory_arena_shrinkage", "cpu:0").map_err(reason)?;
+        }
 
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         let outputs =

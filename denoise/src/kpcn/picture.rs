@@ -1,6 +1,5 @@
 //! From tiles of signal to the picture: what the kernels are applied to, and what is made of the result.
 
-use ndarray::s;
 use rayon::prelude::*;
 
 use super::buffers::{Buffers, Modulation, Planes};
@@ -21,11 +20,11 @@ pub(super) const WITHOUT_NOISE: usize = 3;
 pub(super) struct Picture<'a> {
     pub(super) buffers: &'a Buffers<'a>,
     noise: Option<Noise<'a>>,
-    image: Image,
-    evidence: Option<Evidence>,
+    /// What has been denoised: light and, where it is known, filtered noise; `[height, channels, width]`.
+    values: Vec<f32>,
 }
 
-/// A filtered signal of a tile and the branch it is of: `[height, channels, width]`.
+/// A filtered signal of a tile, `[height, channels, width]`, and of what it is.
 pub(super) struct Filtered {
     pub(super) branch: Branch,
     pub(super) kind: Kind,
@@ -36,12 +35,12 @@ pub(super) struct Filtered {
 type Light = [[f32; 3]; 2];
 
 impl<'a> Picture<'a> {
-    /// Black, until tiles are [put](Self::put) into it.
+    /// Black, until light is added.
     pub(super) fn new(buffers: &'a Buffers<'a>) -> Self {
-        let (width, height) = (buffers.width, buffers.height);
         let noise = buffers.knows_noise().then(|| Noise::new(buffers));
-        let evidence = noise.is_some().then(|| Evidence::new(width, height));
-        Self { buffers, noise, image: Image::zeros((3, height, width)), evidence }
+        let mut picture = Self { buffers, noise, values: Vec::new() };
+        picture.values = vec![0.0; buffers.height * picture.channels() * buffers.width];
+        picture
     }
 
     /// Whether signals have [`WITH_NOISE`] channels.
@@ -57,7 +56,9 @@ impl<'a> Picture<'a> {
     pub(super) fn signal(&self, branch: Branch, kind: Kind, tile: &Tile) -> Vec<f32> {
         let channels = self.channels();
         let [height, width] = tile.size();
-        let Some(part) = Part::new(self, branch, kind) else { return Vec::new() };
+        let Some(part) = Part::new(self.buffers, self.noise.as_ref(), branch, kind) else {
+            return Vec::new();
+        };
         let mut signal = vec![0.0; height * channels * width];
         signal.par_chunks_mut(channels * width).zip(tile.rows.clone()).for_each(|(row, y)| {
             let start = y * self.buffers.width + tile.columns.start;
@@ -71,75 +72,80 @@ impl<'a> Picture<'a> {
         signal
     }
 
-    /// Puts the core of a tile into the picture. A branch that was not filtered adds its noisy light.
-    pub(super) fn put(&mut self, tile: &Tile, filtered: &[Filtered]) {
-        let parts: Vec<_> = Branch::ALL
-            .into_iter()
-            .filter_map(|branch| {
-                let filtered = filtered.iter().find(|filtered| filtered.branch == branch);
-                let kind = filtered.map_or(Kind::KernelPyramid, |filtered| filtered.kind);
-                Some((Part::new(self, branch, kind)?, filtered))
-            })
-            .collect();
-        let channels = self.channels();
-        let width = tile.columns.len();
-        let rows: Vec<Vec<([f32; 3], [f64; 3])>> = tile
-            .core_rows
-            .clone()
-            .into_par_iter()
-            .map(|y| {
-                let pixels = tile.core_columns.clone().map(|x| {
-                    let pixel = y * self.buffers.width + x;
-                    let [mut noisy, mut denoised]: [Light; 2] = Default::default();
-                    for (part, filtered) in &parts {
-                        let light = part.light(pixel);
-                        let mut result = light;
-                        if let Some(filtered) = filtered {
-                            let row = (y - tile.rows.start) * channels * width;
-                            let at = row + x - tile.columns.start;
-                            let number = |channel| filtered.signal[at + channel * width];
-                            result[0] = [0, 1, 2].map(number);
-                            if channels == WITH_NOISE {
-                                result[1] = [3, 4, 5].map(number);
-                            }
-                            result = part.radiance(result, pixel);
-                        }
-                        add(&mut noisy, light);
-                        add(&mut denoised, result);
-                    }
-                    let [light, noise] = noisy;
-                    (denoised[0], terms(light, denoised[0], noise, denoised[1]))
-                });
-                pixels.collect()
-            })
-            .collect();
-        for (y, row) in tile.core_rows.clone().zip(rows) {
-            for (x, (colour, terms)) in tile.core_columns.clone().zip(row) {
-                self.image.slice_mut(s![.., y, x]).assign(&ndarray::aview1(&colour));
-                if let Some(evidence) = &mut self.evidence {
-                    evidence.tell(y * self.buffers.width + x, terms);
+    /// Adds the core of a filtered tile.
+    pub(super) fn add(&mut self, tile: &Tile, filtered: &Filtered) {
+        let (channels, width) = (self.channels(), self.buffers.width);
+        let (branch, kind) = (filtered.branch, filtered.kind);
+        let Some(part) = Part::new(self.buffers, self.noise.as_ref(), branch, kind) else { return };
+        let own_width = tile.columns.len();
+        let rows = self.values.par_chunks_mut(channels * width).enumerate();
+        rows.skip(tile.core_rows.start).take(tile.core_rows.len()).for_each(|(y, row)| {
+            let start = (y - tile.rows.start) * channels * own_width;
+            let source = &filtered.signal[start..start + channels * own_width];
+            for x in tile.core_columns.clone() {
+                let mut light = Light::default();
+                for (channel, number) in light.as_flattened_mut()[..channels].iter_mut().enumerate() {
+                    *number = source[channel * own_width + x - tile.columns.start];
+                }
+                let light = part.radiance(light, y * width + x);
+                for (channel, number) in light.as_flattened()[..channels].iter().enumerate() {
+                    row[channel * width + x] += number;
                 }
             }
+        });
+    }
+
+    /// Adds the noisy light of a branch that is not filtered.
+    pub(super) fn add_noisy(&mut self, branch: Branch) {
+        let (channels, width) = (self.channels(), self.buffers.width);
+        let kind = Kind::KernelPyramid;
+        let Some(part) = Part::new(self.buffers, self.noise.as_ref(), branch, kind) else { return };
+        self.values.par_chunks_mut(channels * width).enumerate().for_each(|(y, row)| {
+            for x in 0..width {
+                let light = part.light(y * width + x);
+                for (channel, number) in light.as_flattened()[..channels].iter().enumerate() {
+                    row[channel * width + x] += number;
+                }
+            }
+        });
+    }
+
+    /// The picture when all is added, before any mixing; `[3, height, width]`.
+    pub(super) fn denoised(&self) -> Image {
+        let (width, height, channels) = (self.buffers.width, self.buffers.height, self.channels());
+        let mut image = Vec::with_capacity(3 * height * width);
+        for channel in 0..3 {
+            for row in self.values.chunks(channels * width) {
+                image.extend_from_slice(&row[channel * width..][..width]);
+            }
         }
+        Image::from_shape_vec((3, height, width), image).expect("three planes of all rows")
     }
 
-    /// The picture as it was put together.
-    #[cfg(test)]
-    pub(super) fn unmixed(&self) -> &Image {
-        &self.image
-    }
-
-    /// The picture when all tiles are in it, mixed with the noisy one where filtering harms.
-    pub(super) fn finish(mut self) -> (Image, Option<Fractions>) {
-        let fractions =
-            self.evidence.map(|evidence| evidence.blend(&self.buffers.beauty, &mut self.image));
-        (self.image, fractions)
-    }
-}
-
-fn add(sum: &mut Light, light: Light) {
-    for (sum, value) in sum.as_flattened_mut().iter_mut().zip(light.as_flattened()) {
-        *sum += value;
+    /// The picture when all is added, mixed with the noisy one where filtering harms.
+    pub(super) fn finish(self) -> (Image, Option<Fractions>) {
+        let mut image = self.denoised();
+        let Some(noise) = &self.noise else { return (image, None) };
+        let (width, height) = (self.buffers.width, self.buffers.height);
+        let parts: Vec<_> = Branch::ALL
+            .into_iter()
+            .filter_map(|b| Part::new(self.buffers, Some(noise), b, Kind::KernelPyramid))
+            .collect();
+        let evidence = Evidence::of(width, height, |pixel| {
+            let row = &self.values[pixel / width * WITH_NOISE * width..][..WITH_NOISE * width];
+            let number = |channel: usize| row[channel * width + pixel % width];
+            let mut noisy = Light::default();
+            for part in &parts {
+                let light = part.light(pixel);
+                for (sum, value) in noisy.as_flattened_mut().iter_mut().zip(light.as_flattened()) {
+                    *sum += value;
+                }
+            }
+            terms(noisy[0], [0, 1, 2].map(number), noisy[1], [3, 4, 5].map(number))
+        });
+        let beauty = &self.buffers.beauty;
+        let fractions = evidence.blend(beauty, &mut image);
+        (image, Some(fractions))
     }
 }
 
@@ -162,8 +168,12 @@ enum Domain<'a> {
 
 impl<'a> Part<'a> {
     /// `None` where the picture has no such branch.
-    fn new(picture: &'a Picture<'a>, branch: Branch, kind: Kind) -> Option<Self> {
-        let buffers = picture.buffers;
+    fn new(
+        buffers: &'a Buffers<'a>,
+        noise: Option<&'a Noise<'a>>,
+        branch: Branch,
+        kind: Kind,
+    ) -> Option<Self> {
         let domain = match (kind, branch) {
             (Kind::KernelPyramid, _) => {
                 Domain::Linear(buffers.modulation(branch, buffers.exposure))
@@ -173,7 +183,7 @@ impl<'a> Part<'a> {
             }
             (Kind::Kernel { .. }, Branch::Specular) => Domain::Logarithmic,
         };
-        Some(Self { light: buffers.light(branch)?, noise: picture.noise.as_ref(), branch, domain })
+        Some(Self { light: buffers.light(branch)?, noise, branch, domain })
     }
 
     /// Radiance and noise of a pixel.

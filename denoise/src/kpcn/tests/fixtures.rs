@@ -90,7 +90,8 @@ fn the_pyramids_channels_are_pytorchs() {
     assert!((buffers.exposure / exposure - 1.0).abs() < 1e-6, "{}", buffers.exposure);
     let tile = whole(layers.width, layers.height, 16);
     for branch in Branch::ALL {
-        let input = channels::pyramid(&buffers, branch, &tile);
+        let mut input = Vec::new();
+        channels::pyramid(&buffers, branch, &tile, &mut input);
         let input = cropped(&input, tile.padded, tile.size());
         let expected = numbers(&fixture[branch.name()]["input"]);
         let name = |index: usize| channels::PYRAMID[index / (layers.width * layers.height)];
@@ -104,7 +105,8 @@ fn the_papers_channels_are_pytorchs() {
     let buffers = Buffers::new(&layers).unwrap();
     let tile = whole(layers.width, layers.height, 1);
     for branch in Branch::ALL {
-        let input = channels::kernel(&buffers, branch, &tile);
+        let mut input = Vec::new();
+        channels::kernel(&buffers, branch, &tile, &mut input);
         let expected = numbers(&fixture[branch.name()]["input"]);
         let name = |index: usize| channels::KERNEL[index / (layers.width * layers.height)];
         assert_close(&input, &expected, &|i| format!("{} {}", branch.name(), name(i)));
@@ -117,7 +119,8 @@ fn padding_repeats_the_channels_reflected() {
     let buffers = Buffers::new(&layers).unwrap();
     let tile = whole(layers.width, layers.height, 16);
     let [height, width] = tile.padded;
-    let input = channels::pyramid(&buffers, Branch::Diffuse, &tile);
+    let mut input = Vec::new();
+    channels::pyramid(&buffers, Branch::Diffuse, &tile, &mut input);
     for plane in input.chunks(height * width) {
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
             // 11 rows and 13 columns: the rows 11, 12, ... show 9, 8, ...
@@ -131,8 +134,9 @@ fn padding_repeats_the_channels_reflected() {
 fn recombine(layers: &Layers, filtered: &[Filtered], multiple: usize) -> Vec<f32> {
     let buffers = Buffers::new(layers).unwrap();
     let mut picture = Picture::new(&buffers);
-    picture.put(&whole(layers.width, layers.height, multiple), filtered);
-    picture.unmixed().iter().copied().collect()
+    let tile = whole(layers.width, layers.height, multiple);
+    filtered.iter().for_each(|filtered| picture.add(&tile, filtered));
+    picture.denoised().iter().copied().collect()
 }
 
 #[test]
