@@ -3,6 +3,9 @@
     layers.json     a small layered image with the extremes that matter: no albedo, unknown depth, black, very bright
     pyramid.json    its network inputs, random logits of the four levels, and the radiance that these make of it
     kernel.json     the same for the network of Bako et al. 2017, with kernels of 5×5
+    kpcn-unit-BRANCH.onnx, kpcn-unit-kernel-BRANCH.onnx
+                    tiny networks of both kinds with random weights
+    networks.json   the radiance that these make of the layered image, from torch in float32
 
 Arrays are flat, planar and row-major. The inputs are exact in float32; everything else is computed in float64.
 """
@@ -14,8 +17,11 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 
-from quietlight_training import channels, kernels, transforms
+from quietlight_training import channels, kernels, onnx_model, transforms
+from quietlight_training.config import NetworkConfig
+from quietlight_training.denoiser import BRANCHES, Denoiser
 from quietlight_training.network import SIZE_MULTIPLE
 from quietlight_training.transforms import Buffers
 
@@ -23,6 +29,12 @@ FIXTURES = Path(__file__).resolve().parent.parent / "tests" / "fixtures"
 # Odd on every level: 13, 7, 4, 2 by 11, 6, 3, 2.
 WIDTH, HEIGHT = 13, 11
 KERNEL_SIZE = 5
+NETWORKS = {
+    "unit": NetworkConfig("kernel_pyramid", widths=(4, 4, 4, 4)),
+    "unit-kernel": NetworkConfig("kernel", depth=3, width=6, filter_size=3, taps=KERNEL_SIZE),
+}
+# Random heads predict nearly equal logits; times this they have a standard deviation of about 1.
+LOGIT_SCALE = 4.0
 SEED = 20170720
 
 
@@ -47,16 +59,13 @@ def random_layers(generator: np.random.Generator) -> dict[str, dict[str, np.ndar
     layers["diffuse"]["mean"][:, 2, 3:6] = 0
     layers["depth"]["mean"][:, :3, :2] = 0
     layers["depth"]["variance"][:, :3, :2] = 0
-    layers["depth"]["mean"][:, 7:, 6:] *= 100
+    layers["depth"]["mean"][:, 7:, 6:] += 100
     layers["specular"]["mean"][:, 8, 4] = (900, 1200, 0)
     layers["specular"]["variance"][:, 8, 4] = (1e5, 2e6, 0)
     layers["specular"]["mean"][1, 1, 1] = -0.25
     layers["diffuse"]["variance"][:, 5] = 0
     layers["specular"]["variance"][:, 5] = 0
-    return {
-        name: {role: values.astype(np.float32).round(4) for role, values in layer.items()}
-        for name, layer in layers.items()
-    }
+    return layers
 
 
 def buffers_of(layers: dict[str, dict[str, np.ndarray]]) -> Buffers:
@@ -91,10 +100,15 @@ def pyramid_fixture(buffers: Buffers, generator: np.random.Generator) -> dict:
     results = {}
     for branch, (signal, variance) in signals.items():
         levels = [
-            random_logits(generator, 1, kernels.LEVEL_LOGITS if level < 3 else kernels.FINE_TAPS, *(p >> level for p in padded))
-            for level in range(kernels.LEVELS)
+            random_logits(generator, 1, *shape)
+            for shape in (
+                (4 * kernels.LEVEL_LOGITS, padded[0] // 2, padded[1] // 2),
+                (kernels.LEVEL_LOGITS, padded[0] // 2, padded[1] // 2),
+                (kernels.LEVEL_LOGITS, padded[0] // 4, padded[1] // 4),
+                (kernels.FINE_TAPS, padded[0] // 8, padded[1] // 8),
+            )
         ]
-        results[branch] = kernels.apply_pyramid(levels, signal)
+        results[branch] = kernels.apply_pyramid([functional.pixel_shuffle(levels[0], 2), *levels[1:]], signal)
         fixture[branch] = {
             "signal": numbers(signal),
             "input": numbers(channels.pyramid_channels(signal, variance, features)),
@@ -125,6 +139,26 @@ def kernel_fixture(buffers: Buffers, generator: np.random.Generator) -> dict:
     return fixture
 
 
+def network_fixture(buffers: Buffers, tier: str, config: NetworkConfig, output: Path) -> list[float]:
+    """Writes the weight files of random networks; returns the radiance they make of the buffers."""
+    torch.manual_seed(SEED)
+    denoiser = Denoiser(config)
+    with torch.no_grad():
+        for name, weight in denoiser.named_parameters():
+            # Away from the tidy start: biases other than 0, logits that differ.
+            weight.add_(0.1 * torch.randn_like(weight))
+            if "heads" in name and "weight" in name:
+                weight.mul_(LOGIT_SCALE)
+    onnx_model.round_weights(denoiser)
+    for branch in BRANCHES:
+        model = onnx_model.to_onnx(getattr(denoiser, branch), config, tier, branch)
+        onnx_model.halve_weights(model)
+        (output / f"kpcn-{tier}-{branch}.onnx").write_bytes(model.SerializeToString())
+    single = buffers.map(lambda tensor: tensor.float())
+    with torch.no_grad():
+        return numbers(denoiser(single, transforms.exposure(single.beauty)).radiance)
+
+
 def main() -> None:
     """Writes the fixtures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -144,6 +178,7 @@ def main() -> None:
         },
         "pyramid": pyramid_fixture(buffers, generator),
         "kernel": kernel_fixture(buffers, generator),
+        "networks": {tier: network_fixture(buffers, tier, config, output) for tier, config in NETWORKS.items()},
     }
     for name, fixture in fixtures.items():
         (output / f"{name}.json").write_text(json.dumps(fixture, separators=(",", ":")) + "\n")

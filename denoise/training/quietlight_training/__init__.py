@@ -8,3 +8,9 @@ radiance; `losses` judges the result; `checkpoint`, `log` and `plots` keep what 
 Images are planar, `[channel, row, column]`, row 0 at the top, float32 and linear Rec. 709 unless said otherwise; a batch
 puts its axis in front.
 """
+
+import os
+
+# Threads that wait for each other sleep instead of spinning; on a machine that also renders, spinning doubles a step's
+# time. Read by OpenMP when torch is imported.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")

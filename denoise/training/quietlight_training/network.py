@@ -11,7 +11,7 @@ from torch.nn import functional
 from quietlight_training.channels import KERNEL_CHANNELS, PYRAMID_CHANNELS
 from quietlight_training.kernels import COARSE_TAPS, FINE_TAPS, LEVEL_LOGITS
 
-# Height and width of an input must be multiples of this: half resolution by space-to-depth, then three poolings.
+# Height and width of an image must be multiples of this: half resolution by space-to-depth, then three poolings.
 SIZE_MULTIPLE = 16
 
 # Where training starts: each pixel mostly itself, a little of its neighbours and of the coarser level. With the weight
@@ -34,10 +34,14 @@ class _Block(nn.Sequential):
 
 
 class PyramidNetwork(nn.Module):
-    """Logits of the kernel pyramid: `[batch, 22, H, W]` to four levels, H and W multiples of 16.
+    """Logits of the kernel pyramid for an image of H×W pixels, both multiples of 16.
 
-    `level0` `[batch, 35, H, W]`, `level1` `[batch, 35, H/2, W/2]`, `level2` `[batch, 35, H/4, W/4]`, `level3`
-    `[batch, 25, H/8, W/8]`. The encoder has the `widths` at 1/2, 1/4, 1/8 and 1/16 of the resolution.
+    The input is the 22 channels by space-to-depth, `[batch, 88, H/2, W/2]`: channel `4 c + 2 dy + dx` of the half-sized
+    pixel P is channel c of pixel `2 P + (dx, dy)`. `level0` `[batch, 140, H/2, W/2]` spreads its 35 logits a pixel in the
+    same way; `level1` is `[batch, 35, H/2, W/2]`, `level2` `[batch, 35, H/4, W/4]`, `level3` `[batch, 25, H/8, W/8]`. The
+    shuffles are left to the caller because in onnxruntime they took two thirds of the time of a small network.
+
+    The encoder has the `widths` at 1/2, 1/4, 1/8 and 1/16 of the resolution.
     """
 
     def __init__(self, widths: tuple[int, int, int, int]):
@@ -61,14 +65,14 @@ class PyramidNetwork(nn.Module):
                 # Small weights, so that the start is the filter of the biases and not noise of the initialisation.
                 head.weight.mul_(0.1)
             bias = _mild_bias()
-            # PixelShuffle spreads channel 4 c + k to channel c of the pixel k.
+            # Channel 4 c + k is logit c of pixel k of the four.
             self.heads[0].bias.copy_(bias.repeat_interleave(4))
             self.heads[1].bias.copy_(bias)
             self.heads[2].bias.copy_(bias)
             self.heads[3].bias.copy_(bias[:FINE_TAPS])
 
     def forward(self, channels: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        features = functional.pixel_unshuffle(channels, 2)
+        features = channels
         skips = []
         for level, block in enumerate(self.encoder):
             features = block(functional.max_pool2d(features, 2) if level else features)
@@ -80,7 +84,7 @@ class PyramidNetwork(nn.Module):
             decoded.append(features)
         eighth, quarter, half = decoded
         return (
-            functional.pixel_shuffle(self.heads[0](half), 2),
+            self.heads[0](half),
             self.heads[1](half),
             self.heads[2](quarter),
             self.heads[3](eighth),
