@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Score a denoiser on held-out views: `evaluate.py kpcn`."""
 
 import sys

@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Turn a checkpoint into the weight files that the renderer embeds: `export.py kpcn`."""
 
 import sys

@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Writes `denoise/tests/fixtures`: what Rust and Python must both compute from the same numbers.
 
     layers.json     a small layered image with the extremes that matter: no albedo, unknown depth, black, very bright
@@ -22,6 +23,7 @@ from torch.nn import functional
 from quietlight_training import channels, kernels, onnx_model, transforms
 from quietlight_training.config import NetworkConfig
 from quietlight_training.denoiser import BRANCHES, Denoiser
+from quietlight_training.examples import write_text
 from quietlight_training.network import SIZE_MULTIPLE
 from quietlight_training.transforms import Buffers
 
@@ -159,11 +161,8 @@ def network_fixture(buffers: Buffers, tier: str, config: NetworkConfig, output: 
         return numbers(denoiser(single, transforms.exposure(single.beauty)).radiance)
 
 
-def main() -> None:
-    """Writes the fixtures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output", type=Path, default=FIXTURES)
-    output = parser.parse_args().output
+def write(output: Path) -> None:
+    """Writes all fixtures into a folder."""
     output.mkdir(parents=True, exist_ok=True)
     generator = np.random.default_rng(SEED)
     layers = random_layers(generator)
@@ -181,8 +180,10 @@ def main() -> None:
         "networks": {tier: network_fixture(buffers, tier, config, output) for tier, config in NETWORKS.items()},
     }
     for name, fixture in fixtures.items():
-        (output / f"{name}.json").write_text(json.dumps(fixture, separators=(",", ":")) + "\n")
+        write_text(output / f"{name}.json", json.dumps(fixture, separators=(",", ":")) + "\n")
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--output", type=Path, default=FIXTURES, help=f"folder (default {FIXTURES})")
+    write(parser.parse_args().output)

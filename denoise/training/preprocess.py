@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Turn the views of a data set into training examples: `preprocess.py DATASET OUT`.
 
 Can be stopped and run again while the data set grows: views that are done are left as they are.

@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Train a denoiser on preprocessed views: `train.py kpcn`."""
 
 import sys

@@ -1,5 +1,5 @@
-"""Batches of augmented training patches; each a function of the seed, the rank and the step alone, so that a resumed run
-sees what an uninterrupted one would have seen."""
+"""Batches of augmented training patches; each a function of the seed, the rank and the step alone, so that a
+resumed run sees what an uninterrupted one would have seen."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -25,7 +25,7 @@ class Batch:
 
 
 class PatchSampler:
-    """Draws patches of preprocessed examples: every chosen place equally often, every noisy image of it equally often."""
+    """Draws patches of preprocessed examples: every chosen place and every noisy image of it equally often."""
 
     def __init__(self, folder: Path, examples: list[Example], augmentation: Augmentation, is_log_specular: bool):
         self.folder = folder

@@ -129,8 +129,11 @@ def kernel_channels(buffers: Buffers) -> tuple[Tensor, Tensor]:
     factor = 1 / (buffers.demodulation + EPSILON)
     diffuse = (buffers.diffuse * factor, buffers.diffuse_variance * factor.square())
     specular = log_specular(buffers.specular, buffers.specular_variance)
-    branches = (torch.cat((signal, *_gradients_and_variance(signal, v), features), 1) for signal, v in (diffuse, specular))
-    return next(branches), next(branches)
+
+    def inputs(signal: Tensor, variance: Tensor) -> Tensor:
+        return torch.cat((signal, *_gradients_and_variance(signal, variance), features), 1)
+
+    return inputs(*diffuse), inputs(*specular)
 
 
 def _gradients_and_variance(image: Tensor, variance: Tensor) -> tuple[Tensor, Tensor, Tensor]:

@@ -80,7 +80,7 @@ class Pair:
 
 
 def write_example(view: View, output: Path, patch_size: int, candidates: int) -> Example:
-    """Reads the files of a view and writes its arrays and record. Raises `ValueError` where they cannot be trained on."""
+    """Reads a view's files, writes its arrays and record. Raises `ValueError` where they cannot be trained on."""
     reference = exr.read_layers(view.reference, ("noisy", "diffuse", "specular", "albedo"))
     shape = _mean(reference, "noisy", view.reference, 3).shape[1:]
     radiance, features, images = [], [], []

@@ -138,7 +138,7 @@ def apply_kernel(logits: Tensor, image: Tensor, size: int) -> Tensor:
 def down(weight_logits: Tensor, image: Tensor) -> Tensor:
     """The next coarser level: the mean of each 2×2 cell weighted by a softmax of its logits.
 
-    `weight_logits` `[batch, 1, H ≥ 2⌈h/2⌉, W ≥ 2⌈w/2⌉]`, `image` `[batch, C, h, w]`; pixels outside the image have no weight.
+    `weight_logits` `[batch, 1, H ≥ 2⌈h/2⌉, W ≥ 2⌈w/2⌉]`, `image` `[batch, C, h, w]`. Pixels outside have no weight.
     """
     height, width = image.shape[-2:]
     rows, columns = halved(height), halved(width)
@@ -156,8 +156,8 @@ def down(weight_logits: Tensor, image: Tensor) -> Tensor:
 def apply_pyramid(levels: list[Tensor], image: Tensor) -> Tensor:
     """Filters `image` `[batch, C, h, w]` by the logits of the four levels.
 
-    `levels[l]` is `[batch, 35, H_l, W_l]`, the last `[batch, 25, H_3, W_3]`, each at least as large as its level rounded
-    up to even; the rest is the padding of the network's input and is not read.
+    `levels[l]` is `[batch, 35, H_l, W_l]`, the last `[batch, 25, H_3, W_3]`, each at least as large as its level
+    rounded up to even; the rest is the padding of the network's input and is not read.
     """
     images = [image]
     for logits in levels[:-1]:

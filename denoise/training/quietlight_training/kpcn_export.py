@@ -38,7 +38,9 @@ def run(args: argparse.Namespace) -> None:
     if args.int8:
         if args.data is None:
             raise ValueError("--int8 needs --data, training examples to calibrate with")
-        calibration = quantise.calibration_inputs(denoiser, args.data, read_index(args.data, "train"), args.calibration_images)
+        calibration = quantise.calibration_inputs(
+            denoiser, args.data, read_index(args.data, "train"), args.calibration_images
+        )
     args.output.mkdir(parents=True, exist_ok=True)
     entries = {}
     for branch in BRANCHES:
@@ -79,11 +81,13 @@ def check(model: onnx_model.onnx.ModelProto, network: torch.nn.Module, channels:
         for size in sizes
     )
     if not difference <= LARGEST_DIFFERENCE:
-        raise ValueError(f"the exported network differs from torch by {difference}, at most {LARGEST_DIFFERENCE} expected")
+        raise ValueError(
+            f"the exported network differs from torch by {difference}, at most {LARGEST_DIFFERENCE} expected"
+        )
     return difference
 
 
 def update_models(path: Path, entries: dict[str, dict]) -> None:
-    """Replaces the entries of the same names in `models.json`, which maps a weight file's name to what is known of it."""
+    """Puts the entries into `models.json`, which maps a weight file's name to what is known of it."""
     models = json.loads(path.read_text()) if path.exists() else {}
     write_text(path, json.dumps(models | entries, indent=2, sort_keys=True) + "\n")

@@ -1,7 +1,7 @@
 """What a network is trained to make small.
 
-The aim is a low relative L2 and a low 1 − SSIM at every sample count, against a reference that itself has a little noise.
-Five terms, each a mean over an image:
+The aim is a low relative L2 and a low 1 − SSIM at every sample count, against a reference that itself has a little
+noise. Five terms, each a mean over an image:
 
 - `branches`: |ln(1 + ŝ) − ln(1 + s)| of each branch's signal, which fireflies cannot dominate and which tells a branch
   its own faults where the other is brighter;
@@ -9,10 +9,11 @@ Five terms, each a mean over an image:
   combination that let a firefly in would otherwise outweigh all other pixels of a batch;
 - `dissimilarity`: 1 − SSIM of what is shown;
 - `shown`: L1 of what is shown, and of its gradients;
-- `radiance`: L1 of the recombined radiance, the paper's (Bako et al. 2017, section 5.2); off unless one trains its network.
+- `radiance`: L1 of the recombined radiance, the paper's (Bako et al. 2017, section 5.2); off unless one trains its
+  network.
 
-The second and third are divided by the square root of the same figure of the noisy image: the best that can be had grows
-about so with the noise, and thus high sample counts, where denoisers do harm, matter as much as low ones.
+The second and third are divided by the square root of the same figure of the noisy image: the best that can be had
+grows about so with the noise, and thus high sample counts, where denoisers do harm, matter as much as low ones.
 """
 
 from dataclasses import dataclass, fields, replace

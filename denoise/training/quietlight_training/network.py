@@ -1,8 +1,10 @@
-"""The networks that predict kernels; both yield logits only (softmax and kernels are `kernels`, in Rust `kpcn::kernel`).
+"""The networks that predict kernels. They yield logits only; softmax and kernels are `kernels`, in Rust `kpcn::kernel`.
 
 - [`PyramidNetwork`]: a U-Net on the four-level kernel pyramid; its widths make the tiers.
 - [`KernelNetwork`]: the plain stack of Bako et al. 2017, section 5.1: 9 layers of 5×5×100, kernels of 21×21.
 """
+
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
@@ -36,10 +38,11 @@ class _Block(nn.Sequential):
 class PyramidNetwork(nn.Module):
     """Logits of the kernel pyramid for an image of H×W pixels, both multiples of 16.
 
-    The input is the 22 channels by space-to-depth, `[batch, 88, H/2, W/2]`: channel `4 c + 2 dy + dx` of the half-sized
-    pixel P is channel c of pixel `2 P + (dx, dy)`. `level0` `[batch, 140, H/2, W/2]` spreads its 35 logits a pixel in the
-    same way; `level1` is `[batch, 35, H/2, W/2]`, `level2` `[batch, 35, H/4, W/4]`, `level3` `[batch, 25, H/8, W/8]`. The
-    shuffles are left to the caller because in onnxruntime they took two thirds of the time of a small network.
+    The input is the 22 channels by space-to-depth, `[batch, 88, H/2, W/2]`: channel `4 c + 2 dy + dx` of the
+    half-sized pixel P is channel c of pixel `2 P + (dx, dy)`. `level0` `[batch, 140, H/2, W/2]` spreads its 35
+    logits a pixel in the same way; `level1` is `[batch, 35, H/2, W/2]`, `level2` `[batch, 35, H/4, W/4]`, `level3`
+    `[batch, 25, H/8, W/8]`. The shuffles are left to the caller because in onnxruntime they took two thirds of the
+    time of a small network.
 
     The encoder has the `widths` at 1/2, 1/4, 1/8 and 1/16 of the resolution.
     """
@@ -98,7 +101,7 @@ class KernelNetwork(nn.Module):
         super().__init__()
         widths = [len(KERNEL_CHANNELS), *[width] * (depth - 1), taps * taps]
         layers: list[nn.Module] = []
-        for inputs, outputs in zip(widths, widths[1:], strict=False):
+        for inputs, outputs in pairwise(widths):
             layers += [nn.Conv2d(inputs, outputs, filter_size, padding=filter_size // 2), nn.ReLU(inplace=True)]
         self.layers = nn.Sequential(*layers[:-1])
         self.apply(_initialise)

@@ -7,7 +7,6 @@ Input `input`, float32: `[1, 88, height/2, width/2]` for a kernel pyramid, whose
 
 import hashlib
 import io
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np

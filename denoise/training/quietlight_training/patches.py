@@ -1,7 +1,7 @@
 """Choosing where to cut training patches: many where there is much to learn (METHODS 10.4).
 
-Candidates are thrown like darts, no two nearer than a radius; an importance map says how much the picture and the normals
-vary in the window of a patch; candidates are kept in proportion to it by error diffusion.
+Candidates are thrown like darts, no two nearer than a radius; an importance map says how much the picture and the
+normals vary in the window of a patch; candidates are kept in proportion to it by error diffusion.
 """
 
 import hashlib
@@ -53,9 +53,7 @@ def _window_mean(image: np.ndarray, size: int) -> np.ndarray:
     return image
 
 
-def throw_darts(
-    height: int, width: int, count: int, generator: np.random.Generator
-) -> list[tuple[int, int]]:
+def throw_darts(height: int, width: int, count: int, generator: np.random.Generator) -> list[tuple[int, int]]:
     """`count` places `(y, x)` in a grid of `height`×`width`, as far apart as dart throwing gets them.
 
     The radius starts where discs would cover the area and shrinks when too many darts in a row have missed. At most one
@@ -99,10 +97,8 @@ def prune(
     return kept, forced
 
 
-def choose(
-    importance: np.ndarray, size: int, candidates: int, generator: np.random.Generator
-) -> list[tuple[int, int]]:
-    """Top left corners of the patches of `size`² pixels to train on; at least one; empty if the picture is too small."""
+def choose(importance: np.ndarray, size: int, candidates: int, generator: np.random.Generator) -> list[tuple[int, int]]:
+    """Top left corners of the patches of `size`² pixels to train on: at least one, none if the picture is too small."""
     height, width = (extent - size + 1 for extent in importance.shape)
     if height < 1 or width < 1:
         return []

@@ -24,9 +24,7 @@ def run_verb(description: str, subcommands: dict[str, Subcommand], arguments: li
     parsers = parser.add_subparsers(dest="denoiser", required=True)
     for name, subcommand in subcommands.items():
         subcommand.add_arguments(
-            parsers.add_parser(
-                name, help=subcommand.help, formatter_class=argparse.ArgumentDefaultsHelpFormatter
-            )
+            parsers.add_parser(name, help=subcommand.help, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
         )
     args = parser.parse_args(arguments)
     try:

@@ -1,9 +1,9 @@
 """The rendered views of a data set: a folder as `quietlight dataset` writes it.
 
-    DIR/manifest.json            settings of the whole set
-    DIR/views/ID/view.json       one view; written last, so that its presence means the view is complete
-    DIR/views/ID/noisy-N.exr     noisy renders with variances and halves
-    DIR/views/ID/reference.exr   the converged render, of an independent seed
+DIR/manifest.json            settings of the whole set
+DIR/views/ID/view.json       one view; written last, so that its presence means the view is complete
+DIR/views/ID/noisy-N.exr     noisy renders with variances and halves
+DIR/views/ID/reference.exr   the converged render, of an independent seed
 """
 
 import json

@@ -58,7 +58,13 @@ def test_another_renderer_lacks_what_it_lacks(pair):
     assert torch.equal(buffers.diffuse, beauty)
     assert torch.equal(buffers.diffuse_variance, spatial_variance(beauty[None])[0])
     assert torch.equal(without.reference_diffuse, pair.reference_diffuse + pair.reference_specular)
-    for nothing in (buffers.specular, buffers.specular_variance, buffers.depth, buffers.albedo, buffers.albedo_variance):
+    for nothing in (
+        buffers.specular,
+        buffers.specular_variance,
+        buffers.depth,
+        buffers.albedo,
+        buffers.albedo_variance,
+    ):
         assert (nothing == 0).all()
     assert (buffers.demodulation == 1).all()
     assert (without.reference_demodulation == 1).all()

@@ -43,7 +43,9 @@ def naive_pyramid(levels: list[np.ndarray], image: np.ndarray) -> np.ndarray:
                 cell = [(2 * y + dy, 2 * x + dx) for dy in (0, 1) for dx in (0, 1)]
                 inside = [(v, u) for v, u in cell if v < height and u < width]
                 weights = np.array([np.exp(logits[34, v, u]) for v, u in inside])
-                coarse[:, y, x] = sum(w * fine[:, v, u] for w, (v, u) in zip(weights / weights.sum(), inside, strict=True))
+                coarse[:, y, x] = sum(
+                    w * fine[:, v, u] for w, (v, u) in zip(weights / weights.sum(), inside, strict=True)
+                )
         images.append(coarse)
     result = None
     for logits, fine in zip(levels[::-1], images[::-1], strict=True):
@@ -85,7 +87,9 @@ def test_a_kernel_equals_its_definition(height, width, size):
 @pytest.mark.parametrize("extreme", [0.0, 1.0, 1e4, -1e4])
 def test_softmax_rows_sum_to_one_everywhere(height, width, extreme):
     # A constant comes out as itself only if the weights of every pixel sum to 1, borders included, on every level.
-    levels = [level * extreme if abs(extreme) <= 1 else level.sign() * extreme for level in random_levels(height, width)]
+    levels = [
+        level * extreme if abs(extreme) <= 1 else level.sign() * extreme for level in random_levels(height, width)
+    ]
     image = torch.full((1, 3, height, width), 0.7, dtype=torch.float64)
     result = apply_pyramid(levels, image)
     torch.testing.assert_close(result, image, rtol=0, atol=1e-14)
@@ -93,7 +97,10 @@ def test_softmax_rows_sum_to_one_everywhere(height, width, extreme):
 
 def test_single_kernels_sum_to_one_at_extreme_logits():
     image = torch.full((1, 1, 6, 7), 2.0, dtype=torch.float64)
-    for logits in (torch.randn(1, 25, 6, 7, dtype=torch.float64).sign() * 1e4, torch.full((1, 25, 6, 7), -1e4).double()):
+    for logits in (
+        torch.randn(1, 25, 6, 7, dtype=torch.float64).sign() * 1e4,
+        torch.full((1, 25, 6, 7), -1e4).double(),
+    ):
         torch.testing.assert_close(apply_kernel(logits, image, 5), image, rtol=0, atol=1e-14)
 
 

@@ -32,7 +32,9 @@ def test_the_dissimilarity_is_wangs():
             values.append((2 * ma * mb + 1e-4) * (2 * covariance + 9e-4) / ((ma**2 + mb**2 + 1e-4) * (va + vb + 9e-4)))
     found = metrics.dissimilarity(*(torch.from_numpy(image)[None, None] for image in (x, y)))
     assert found.item() == pytest.approx(1 - np.mean(values), rel=1e-10)
-    assert metrics.dissimilarity(torch.ones(1, 3, 20, 20), torch.ones(1, 3, 20, 20)).item() == pytest.approx(0, abs=1e-6)
+    assert metrics.dissimilarity(torch.ones(1, 3, 20, 20), torch.ones(1, 3, 20, 20)).item() == pytest.approx(
+        0, abs=1e-6
+    )
 
 
 def test_the_transfer_curve_is_srgb_and_has_finite_slopes():
