@@ -65,6 +65,27 @@ pub enum Error {
         /// The values it may have.
         expected: &'static str,
     },
+    /// onnxruntime could not be loaded; what was tried.
+    #[error("onnxruntime cannot be loaded: {0}")]
+    OnnxRuntime(String),
+    /// A file of weights is not what it must be.
+    #[error("model {name}: found {found}, expected {expected}")]
+    Model {
+        /// Name of the model or its file.
+        name: String,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
+    /// A network did not run.
+    #[error("model {model} did not run: {reason}")]
+    Inference {
+        /// Name of the model or its file.
+        model: String,
+        /// What onnxruntime said.
+        reason: String,
+    },
 }
 
 fn dimensions(&[channels, height, width]: &[usize; 3]) -> String {

@@ -2,14 +2,17 @@
 
 pub mod atomic;
 pub mod bilateral;
+pub mod blend;
 pub mod error;
 mod exp;
 pub mod exr;
+pub mod kpcn;
 pub mod layers;
 pub mod metrics;
 pub mod picture;
 pub mod png;
 pub mod sanitize;
+pub mod sha256;
 mod simd;
 pub mod srgb;
 pub mod variance;

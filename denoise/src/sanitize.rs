@@ -55,6 +55,13 @@ pub fn sanitise(layers: &mut Layers) -> Sanitised {
         .reduce(Sanitised::default, Sanitised::add)
 }
 
+/// Whether [`sanitise`] would leave the mean and the variance of a layer as they are.
+pub(crate) fn is_sane(layer: &Layer) -> bool {
+    let in_range = |value: &f32| value.abs() <= LARGEST_VALUE;
+    let is_variance = |value: &f32| (0.0..=LARGEST_VARIANCE).contains(value);
+    layer.mean.iter().all(in_range) && layer.variance.iter().flatten().all(is_variance)
+}
+
 fn sanitise_layer(kind: LayerKind, layer: &mut Layer) -> Sanitised {
     let mut counts = Sanitised::default();
     for mean in [&mut layer.mean].into_iter().chain(layer.halves.iter_mut().flatten()) {
@@ -156,6 +163,16 @@ mod tests {
         let mended = layers.layers[&LayerKind::Depth].mean.iter().copied().collect::<Vec<_>>();
         assert_eq!(mended, [0.0, 1.0, 0.0, 0.5, 2.0, -1.0, 0.0, LARGEST_VALUE, 3.0]);
         assert_eq!(counts, Sanitised { radiance: 0, variance: 0, features: 3 });
+    }
+
+    #[test]
+    fn sane_layers_are_those_that_nothing_changes() {
+        let numbers = [0.0, 1.0, -3.0, LARGEST_VALUE, -LARGEST_VALUE, 1e30, NAN, INF, -INF];
+        for (mean, variance) in numbers.iter().flat_map(|&a| numbers.map(|b| (a, b))) {
+            let mut layers = layers(LayerKind::Diffuse, [mean; 9], [variance; 9]);
+            let sane = is_sane(&layers.layers[&LayerKind::Diffuse]);
+            assert_eq!(sane, sanitise(&mut layers) == Sanitised::default(), "{mean} {variance}");
+        }
     }
 
     #[test]

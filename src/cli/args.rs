@@ -49,6 +49,17 @@ pub(super) struct SceneArguments {
     pub(super) max_depth: Option<u32>,
 }
 
+/// How the neural denoiser runs.
+#[derive(Args, Debug)]
+pub(super) struct Networks {
+    /// Speed against accuracy of the neural denoiser
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) quality: Quality,
+    /// Weights for the neural denoiser instead of its own: give it twice, for the diffuse and the specular network
+    #[arg(long = "model", value_name = "FILE.onnx")]
+    pub(super) models: Vec<PathBuf>,
+}
+
 #[derive(Args, Debug)]
 pub(super) struct Render {
     #[command(flatten)]
@@ -62,6 +73,8 @@ pub(super) struct Render {
     /// What takes the noise out
     #[arg(long, value_enum, default_value_t)]
     pub(super) denoiser: Denoiser,
+    #[command(flatten)]
+    pub(super) networks: Networks,
     /// Same seed, same bits, at any number of threads
     #[arg(long, default_value_t = 0)]
     pub(super) seed: u64,
@@ -95,6 +108,11 @@ pub(super) struct Denoise {
     /// EXR to write; a PNG is written beside it
     #[arg(short, long, value_name = "FILE.exr")]
     pub(super) output: PathBuf,
+    /// What takes the noise out: auto, bilateral or kpcn
+    #[arg(long, value_name = "DENOISER", default_value = "auto", value_parser = denoiser())]
+    pub(super) denoiser: Denoiser,
+    #[command(flatten)]
+    pub(super) networks: Networks,
     /// Albedo in a file of its own
     #[arg(long, value_name = "FILE")]
     pub(super) albedo: Option<PathBuf>,
@@ -192,13 +210,26 @@ pub(super) struct Inspect {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum Denoiser {
-    /// The best there is: the cross-bilateral filter
+    /// The best there is: `kpcn`, or `bilateral` where the networks cannot run
     #[default]
     Auto,
     /// Leave the noise in
     None,
     /// Cross-bilateral filter with constant parameters
     Bilateral,
+    /// Kernel-predicting neural networks, run by onnxruntime
+    Kpcn,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Quality {
+    /// The smallest networks: at most a second of CPU a megapixel
+    Fast,
+    /// At most three seconds of CPU a megapixel
+    #[default]
+    Balanced,
+    /// The largest networks: at most twenty seconds of CPU a megapixel
+    High,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -219,6 +250,14 @@ pub(super) enum Strategy {
     Light,
     /// Only walking into emitters
     Bsdf,
+}
+
+/// Reads a [`Denoiser`] that takes noise out.
+fn denoiser() -> impl clap::builder::TypedValueParser<Value = Denoiser> {
+    use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+    PossibleValuesParser::new(["auto", "bilateral", "kpcn"])
+        .try_map(|name| Denoiser::from_str(&name, false))
 }
 
 fn definition(text: &str) -> Result<(String, String), String> {

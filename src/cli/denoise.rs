@@ -1,7 +1,8 @@
 //! `quietlight denoise`: buffers of this or another renderer in, a picture out.
 
 use super::args::Denoise;
-use super::render::{check_output, filter, thread_pool};
+use super::denoising::Denoising;
+use super::render::{check_output, thread_pool};
 use super::{BadInput, Failure};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Role, SeparateFile, WriteOptions};
@@ -18,22 +19,25 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
         })
         .collect();
     let contents = exr::read_separate(&arguments.input, &files).bad_input()?;
-    let layers = contents.layers;
+    let mut layers = contents.layers;
     for name in &contents.ignored {
         eprintln!("warning: channel {name} is not one that a denoiser uses; it is left out");
     }
     let threads = thread_pool(arguments.threads)?;
+    let denoiser = Denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
+    let Some(denoiser) = denoiser else { return Ok(()) };
     let start = Instant::now();
-    let picture = threads.install(|| filter(&layers)).bad_input()?;
+    let denoised = denoiser.run(&layers, &threads).bad_input()?;
     let seconds = start.elapsed().as_secs_f64();
+    layers.metadata.extend(denoised.facts());
 
     let output = &arguments.output;
     let png = output.with_extension("png");
     let options =
-        WriteOptions { picture: Some(&picture), halves: false, frame: Some(contents.frame) };
+        WriteOptions { picture: Some(&denoised.image), halves: false, frame: Some(contents.frame) };
     exr::write(output, &layers, &options)
         .with_context(|| format!("cannot write {}", output.display()))?;
-    png::write(&png, &picture, arguments.exposure)
+    png::write(&png, &denoised.image, arguments.exposure)
         .with_context(|| format!("cannot write {}", png.display()))?;
 
     let used: Vec<String> = layers.layers.keys().map(|kind| kind.name().to_owned()).collect();
@@ -45,11 +49,16 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
             "height": layers.height,
             "layers": used,
             "denoise_seconds": seconds,
+            "denoiser": denoised.json(),
         });
         println!("{json:#}");
     } else {
         let (output, png) = (output.display(), png.display());
-        println!("{output} and {png}: denoised in {seconds:.1} s from {}", used.join(", "));
+        println!(
+            "{output} and {png}: denoised by {} in {seconds:.1} s from {}",
+            denoised.name,
+            used.join(", ")
+        );
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ mod args;
 mod compare;
 mod dataset;
 mod denoise;
+mod denoising;
 mod doctor;
 mod inspect;
 mod progress;

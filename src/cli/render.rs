@@ -1,16 +1,16 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
-use super::args::{Denoiser, Render, Sampler, SceneArguments, Strategy};
+use super::args::{Render, Sampler, SceneArguments, Strategy};
+use super::denoising::{Denoised, Denoising};
 use super::progress::{Progress, human};
 use super::{BadInput, Failure, replay};
 use crate::integrator::PathTracing;
 use crate::render::{RenderSettings, Rendered, SamplerKind, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
-use quietlight_denoise::bilateral;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
-use quietlight_denoise::{Image, LayerKind, Layers, png};
+use quietlight_denoise::{LayerKind, png};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -27,6 +27,8 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let output = output_path(arguments)?;
     heed_ctrl_c("finishing this pass, then writing what there is")?;
     let threads = thread_pool(arguments.threads)?;
+    // Before the render, so that hours are not spent for a file that is not a network.
+    let denoiser = Denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
 
     let (width, height) = (scene.film.crop[2], scene.film.crop[3]);
     let total = u64::from(width) * u64::from(height) * u64::from(settings.samples);
@@ -38,16 +40,18 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
     let is_interrupted = STOP.load(Ordering::Relaxed);
     let start = Instant::now();
-    let denoised = match arguments.denoiser {
-        _ if is_interrupted => None,
-        Denoiser::None => None,
-        Denoiser::Auto | Denoiser::Bilateral => {
-            Some(threads.install(|| filter(&rendered.layers)).map_err(Failure::Failed)?)
+    let denoised = match &denoiser {
+        Some(denoiser) if !is_interrupted => {
+            Some(denoiser.run(&rendered.layers, &threads).map_err(Failure::Failed)?)
         }
+        _ => None,
     };
     let denoising = denoised.as_ref().map(|_| start.elapsed());
 
     describe(&mut rendered, arguments, &settings, threads.current_num_threads());
+    if let Some(denoised) = &denoised {
+        rendered.layers.metadata.extend(denoised.facts());
+    }
     let png = output.with_extension("png");
     let [left, top, ..] = scene.film.crop.map(|number| number as i32);
     let frame = Frame {
@@ -55,18 +59,28 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         display_offset: (0, 0),
         display: (scene.film.width as usize, scene.film.height as usize),
     };
-    let options =
-        WriteOptions { picture: denoised.as_ref(), halves: arguments.halves, frame: Some(frame) };
+    let options = WriteOptions {
+        picture: denoised.as_ref().map(|denoised| &denoised.image),
+        halves: arguments.halves,
+        frame: Some(frame),
+    };
     exr::write(&output, &rendered.layers, &options)
         .with_context(|| format!("cannot write {}", output.display()))?;
     let picture = match &denoised {
-        Some(image) => image,
+        Some(denoised) => &denoised.image,
         None => &rendered.layers.layers[&LayerKind::Beauty].mean,
     };
     png::write(&png, picture, arguments.exposure)
         .with_context(|| format!("cannot write {}", png.display()))?;
 
-    let outcome = Outcome { output: &output, png: &png, rendered: &rendered, denoising, noise };
+    let outcome = Outcome {
+        output: &output,
+        png: &png,
+        rendered: &rendered,
+        denoised: denoised.as_ref(),
+        denoising,
+        noise,
+    };
     if arguments.json {
         outcome.print_json();
     } else {
@@ -167,24 +181,6 @@ pub(super) fn thread_pool(threads: Option<u16>) -> Result<rayon::ThreadPool, Fai
         .map_err(Failure::Failed)
 }
 
-/// The cross-bilateral filter with a progress bar; what it had to mend is told.
-pub(super) fn filter(layers: &Layers) -> anyhow::Result<Image> {
-    let progress = Progress::new("denoise", "steps", 1000);
-    let denoised = bilateral::denoise(layers, &bilateral::Parameters::default(), &|part| {
-        progress.at((part * 1000.0) as u64);
-    });
-    progress.finish();
-    let denoised = denoised?;
-    let mended = &denoised.report.sanitised;
-    if mended.total() > 0 {
-        eprintln!(
-            "warning: {} values of the layers were not usable and were replaced",
-            mended.total()
-        );
-    }
-    Ok(denoised.image)
-}
-
 /// Writes down how the picture was made.
 fn describe(
     rendered: &mut Rendered,
@@ -213,6 +209,7 @@ struct Outcome<'a> {
     png: &'a Path,
     rendered: &'a Rendered,
     /// `None` where the noise was left in.
+    denoised: Option<&'a Denoised>,
     denoising: Option<Duration>,
     noise: Option<f64>,
 }
@@ -226,7 +223,7 @@ impl Outcome<'_> {
     }
 
     fn print(&self) {
-        let Self { output, png, rendered, denoising, noise } = self;
+        let Self { output, png, rendered, denoised, denoising, noise } = self;
         if rendered.invalid_samples > 0 {
             eprintln!(
                 "warning: {} samples were not finite and were dropped; layer invalid.N tells where, --replay why",
@@ -235,9 +232,12 @@ impl Outcome<'_> {
         }
         let noise =
             noise.map_or("unknown with one sample".to_owned(), |noise| format!("{noise:.2e}"));
-        let denoised = denoising.map_or("not denoised".to_owned(), |denoising| {
-            format!("denoised in {:.1} s", denoising.as_secs_f64())
-        });
+        let denoised = match (denoised, denoising) {
+            (Some(denoised), Some(time)) => {
+                format!("denoised by {} in {:.1} s", denoised.name, time.as_secs_f64())
+            }
+            _ => "not denoised".to_owned(),
+        };
         println!(
             "{} and {}: {} samples per pixel in {:.1} s ({}samples/s), {denoised}; \
              relative L2 of the noise before denoising, estimated from the halves: {noise}",
@@ -259,6 +259,7 @@ impl Outcome<'_> {
             "invalid_samples": self.rendered.invalid_samples,
             "render_seconds": self.rendered.elapsed.as_secs_f64(),
             "denoise_seconds": self.denoising.map(|denoising| denoising.as_secs_f64()),
+            "denoiser": self.denoised.map(Denoised::json),
             "samples_per_second": self.speed(),
             "estimated_noisy_relative_l2": self.noise,
         });

@@ -106,7 +106,7 @@ fn refuse_absurd_size(path: &Path, meta: &MetaData, length: u64) -> Result<(), E
 }
 
 /// Sorts the channels of all parts of the file into images.
-fn collect(path: &Path, file: File) -> Result<Found, Error> {
+fn collect(path: &Path, mut file: File) -> Result<Found, Error> {
     let multipart = file.layer_data.len() > 1;
     let mut metadata = BTreeMap::new();
     let mut samples_per_pixel = None;
@@ -184,18 +184,21 @@ fn collect(path: &Path, file: File) -> Result<Found, Error> {
         for ((name, part_index, channel_index), mut plane) in
             channels.into_iter().zip(image.axis_iter_mut(Axis(0)))
         {
-            let source = &file.layer_data[part_index];
-            let samples = &source.channel_data.list[channel_index];
-            if source.absolute_bounds() != bounds || samples.sample_data.len() != plane.len() {
+            let source = &mut file.layer_data[part_index];
+            let window = source.absolute_bounds();
+            // Taken, so that the memory of each channel is free for the next image.
+            let samples = &mut source.channel_data.list[channel_index].sample_data;
+            let samples = std::mem::replace(samples, pixels::FlatSamples::F32(Vec::new()));
+            if window != bounds || samples.len() != plane.len() {
                 return Err(format_error(
                     path,
-                    format!("{name} with the window {:?}", source.absolute_bounds()),
+                    format!("{name} with the window {window:?}"),
                     format!("{bounds:?}, as the other layers have, without subsampling"),
                 ));
             }
             plane
                 .iter_mut()
-                .zip(samples.sample_data.values_as_f32())
+                .zip(samples.values_as_f32())
                 .for_each(|(pixel, value)| *pixel = value);
         }
         images.insert(part, image);

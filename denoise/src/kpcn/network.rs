@@ -1,0 +1,288 @@
+//! Networks as onnxruntime runs them; the only file that names the crate `ort`.
+//!
+//! A network yields logits and nothing else. What a file of weights must say of itself, in its ONNX metadata: `kind`
+//! (`kernel_pyramid` or `kernel`), `branch` (`diffuse` or `specular`), `tier`, `channels` (the names of the input's
+//! channels, with commas between), `epsilon` and `version` (1). A file that says anything else is refused.
+//!
+//! One environment a process; a session is made once for each file and number of threads. Sessions have threads of their
+//! own: [`Network::run`] must be called outside of rayon's workers, which would wait for it with nothing to do.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use ort::environment::Environment;
+use ort::session::builder::GraphOptimizationLevel;
+use ort::session::{RunOptions, Session};
+use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
+
+use super::channels;
+use super::library::{self, Origin};
+use super::model::Model;
+use super::pyramid::LEVEL_CHANNELS;
+use super::transform::EPSILON;
+use crate::error::Error;
+
+/// The one version of the files' metadata.
+const VERSION: &str = "1";
+
+/// Which part of the light a network is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Branch {
+    /// Light scattered by diffuse lobes, its albedo divided out.
+    Diffuse,
+    /// All other light.
+    Specular,
+}
+
+impl Branch {
+    /// Both, diffuse first.
+    pub const ALL: [Self; 2] = [Self::Diffuse, Self::Specular];
+
+    /// Its name in files and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Diffuse => "diffuse",
+            Self::Specular => "specular",
+        }
+    }
+}
+
+/// What a network predicts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Kernels of a pyramid of four levels ([`pyramid`](super::pyramid)).
+    KernelPyramid,
+    /// One kernel of `size`×`size` taps a pixel ([`kernel`](super::kernel)).
+    Kernel {
+        /// Taps on a side, odd.
+        size: usize,
+    },
+}
+
+/// The loaded library.
+#[derive(Debug)]
+pub struct Runtime {
+    environment: Environment,
+    /// Where it was found.
+    pub origin: Origin,
+    /// What it says of its build: version, commit, compiler flags.
+    pub build: &'static str,
+}
+
+/// What runs the networks: the only provider of the libraries that we get.
+pub const PROVIDER: &str = "CPUExecutionProvider";
+
+/// onnxruntime, loaded at the first call.
+///
+/// # Errors
+/// [`Error::OnnxRuntime`] with what was tried, the same at every call.
+pub fn runtime() -> Result<&'static Runtime, Error> {
+    static RUNTIME: OnceLock<Result<Runtime, String>> = OnceLock::new();
+    RUNTIME.get_or_init(load_runtime).as_ref().map_err(|tried| Error::OnnxRuntime(tried.clone()))
+}
+
+fn load_runtime() -> Result<Runtime, String> {
+    let mut tried = Vec::new();
+    for origin in library::origins() {
+        // Not `ort::init`, which panics where there is no library.
+        let loaded = origin.with_path(|path| {
+            ort::init_from(path).map_err(|error| error.to_string())?;
+            Ok(())
+        });
+        match loaded {
+            Ok(()) => {
+                let environment = ort::init()
+                    .with_name("quietlight")
+                    .with_telemetry(false)
+                    .build()
+                    .map_err(|error| error.to_string())?;
+                return Ok(Runtime { environment, origin, build: ort::info() });
+            }
+            Err(reason) => tried.push(format!("{origin}: {reason}")),
+        }
+    }
+    Err(tried.join("; "))
+}
+
+/// A network ready to run.
+#[derive(Debug)]
+pub struct Network {
+    /// A session runs one input at a time.
+    session: Mutex<Session>,
+    name: String,
+    /// What it predicts.
+    pub kind: Kind,
+    /// Which light it is for.
+    pub branch: Branch,
+}
+
+impl Network {
+    /// The network of a file of weights, run by `threads` threads; made at the first call and kept.
+    ///
+    /// # Errors
+    /// [`Error::OnnxRuntime`] where the library is missing, [`Error::Model`] where the file is not a network that this
+    /// program can use.
+    pub fn of(model: &Model, threads: usize) -> Result<Arc<Self>, Error> {
+        static NETWORKS: Mutex<Option<HashMap<(String, usize), Arc<Network>>>> = Mutex::new(None);
+        let runtime = runtime()?;
+        let mut networks = NETWORKS.lock().unwrap_or_else(PoisonError::into_inner);
+        let networks = networks.get_or_insert_default();
+        let key = (model.sha256.clone(), threads);
+        if let Some(network) = networks.get(&key) {
+            return Ok(network.clone());
+        }
+        let network = Arc::new(Self::load(runtime, model, threads)?);
+        networks.insert(key, network.clone());
+        Ok(network)
+    }
+
+    fn load(runtime: &Runtime, model: &Model, threads: usize) -> Result<Self, Error> {
+        let session = session(&runtime.environment, &model.bytes, threads).map_err(|reason| {
+            model.refused(format!("a file that cannot be loaded ({reason})"), "an ONNX network")
+        })?;
+        let metadata = session.metadata().map_err(|error| {
+            model.refused(format!("no metadata ({error})"), "the metadata of a network")
+        })?;
+        let say = |key: &str| metadata.custom(key).unwrap_or_else(|| "nothing".into());
+        let expect = |key: &str, expected: &str| {
+            let found = say(key);
+            if found == expected {
+                return Ok(());
+            }
+            Err(model.refused(format!("the {key} '{found}'"), &format!("'{expected}'")))
+        };
+        expect("version", VERSION)?;
+        let branch = say("branch");
+        let branch =
+            Branch::ALL.into_iter().find(|known| known.name() == branch).ok_or_else(|| {
+                model.refused(format!("the branch '{branch}'"), "'diffuse' or 'specular'")
+            })?;
+        let epsilon = say("epsilon");
+        if epsilon.parse() != Ok(EPSILON) {
+            return Err(model.refused(format!("the epsilon '{epsilon}'"), &EPSILON.to_string()));
+        }
+        let outputs = session.outputs();
+        let (kind, names) = match say("kind").as_str() {
+            "kernel_pyramid" => (Kind::KernelPyramid, &channels::PYRAMID[..]),
+            "kernel" => {
+                (Kind::Kernel { size: kernel_size(model, outputs)? }, &channels::KERNEL[..])
+            }
+            other => {
+                let found = format!("the kind '{other}'");
+                return Err(model.refused(found, "'kernel_pyramid' or 'kernel'"));
+            }
+        };
+        expect("channels", &names.join(","))?;
+        check_tensors(model, "inputs", session.inputs(), &[("input".into(), names.len())])?;
+        let expected: Vec<(String, usize)> = match kind {
+            Kind::KernelPyramid => LEVEL_CHANNELS
+                .into_iter()
+                .enumerate()
+                .map(|(level, channels)| (format!("level{level}"), channels))
+                .collect(),
+            Kind::Kernel { size } => vec![("logits".into(), size * size)],
+        };
+        check_tensors(model, "outputs", outputs, &expected)?;
+        drop(metadata);
+        Ok(Self { session: Mutex::new(session), name: model.name.clone(), kind, branch })
+    }
+
+    /// Runs the network on `input`, `[1, channels, height, width]`, and hands its outputs to `take`, in order, each
+    /// `[1, channels, height, width]` of its own level. Memory is kept for the next run unless this `is_last`: the sessions of
+    /// both branches would each keep their own.
+    ///
+    /// # Errors
+    /// [`Error::Inference`] where onnxruntime fails or an output has not the size that follows from the input's.
+    pub(super) fn run<T>(
+        &self,
+        input: &[f32],
+        [height, width]: [usize; 2],
+        is_last: bool,
+        take: impl FnOnce(&[&[f32]]) -> T,
+    ) -> Result<T, Error> {
+        let failed = |reason: String| Error::Inference { model: self.name.clone(), reason };
+        let reason = |error: ort::Error| failed(error.to_string());
+        let shape = [1, input.len() / (height * width), height, width];
+        let tensor = TensorRef::from_array_view((shape, input)).map_err(reason)?;
+        let mut options = RunOptions::new().map_err(reason)?;
+        if is_last {
+            options.set("memory.enable_memory_arena_shrinkage", "cpu:0").map_err(reason)?;
+        }
+
+        let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        let outputs =
+            session.run_with_options(ort::inputs!["input" => tensor], &options).map_err(reason)?;
+        let expected: Vec<(String, [usize; 3])> = match self.kind {
+            Kind::KernelPyramid => LEVEL_CHANNELS
+                .into_iter()
+                .enumerate()
+                .map(|(level, channels)| {
+                    (format!("level{level}"), [channels, height >> level, width >> level])
+                })
+                .collect(),
+            Kind::Kernel { size } => vec![("logits".into(), [size * size, height, width])],
+        };
+        let mut slices = Vec::new();
+        for (name, [channels, height, width]) in &expected {
+            let output = outputs.get(name).ok_or_else(|| failed(format!("no output {name}")))?;
+            let (shape, values) = output.try_extract_tensor::<f32>().map_err(reason)?;
+            if shape[..] != [1, *channels as i64, *height as i64, *width as i64] {
+                return Err(failed(format!("{name} has the shape {:?}", &shape[..])));
+            }
+            slices.push(values);
+        }
+        Ok(take(&slices))
+    }
+}
+
+/// Taps on a side of the kernels that the one output has: the square root of its channels.
+fn kernel_size(model: &Model, outputs: &[Outlet]) -> Result<usize, Error> {
+    let channels = outputs.first().and_then(|output| channels_of(output.dtype())).unwrap_or(0);
+    let size = channels.isqrt();
+    if size * size == channels && size % 2 == 1 {
+        return Ok(size);
+    }
+    Err(model.refused(format!("{channels} logits a pixel"), "the square of an odd number"))
+}
+
+fn session(environment: &Environment, bytes: &[u8], threads: usize) -> Result<Session, ort::Error> {
+    Ok(Session::builder(environment)?
+        .with_intra_threads(threads)?
+        .with_inter_threads(1)?
+        // Idle threads would burn the time of the ones that work, ours among them.
+        .with_intra_op_spinning(false)?
+        .with_optimization_level(GraphOptimizationLevel::All)?
+        .commit_from_memory(bytes)?)
+}
+
+/// The second dimension of a tensor of four.
+fn channels_of(value: &ValueType) -> Option<usize> {
+    match value {
+        ValueType::Tensor { ty: TensorElementType::Float32, shape, .. } if shape.len() == 4 => {
+            usize::try_from(shape[1]).ok()
+        }
+        _ => None,
+    }
+}
+
+/// Checks that a file has these tensors and no others, all of 32-bit floats.
+fn check_tensors(
+    model: &Model,
+    what: &str,
+    found: &[Outlet],
+    expected: &[(String, usize)],
+) -> Result<(), Error> {
+    let is_expected = |(tensor, (name, channels)): (&Outlet, &(String, usize))| {
+        tensor.name() == name && channels_of(tensor.dtype()) == Some(*channels)
+    };
+    if found.len() == expected.len() && found.iter().zip(expected).all(is_expected) {
+        return Ok(());
+    }
+    let found: Vec<_> =
+        found.iter().map(|tensor| format!("{}: {}", tensor.name(), tensor.dtype())).collect();
+    let expected: Vec<_> = expected
+        .iter()
+        .map(|(name, channels)| format!("{name}: 32-bit floats [1, {channels}, height, width]"))
+        .collect();
+    Err(model.refused(format!("the {what} {}", found.join(", ")), &expected.join(", ")))
+}
