@@ -16,8 +16,8 @@
 
 use rayon::prelude::*;
 
+use super::image_of_rows;
 use super::stack::{Group, Stack, first};
-use super::{Lambda, Parameters};
 use crate::exp::exp_negative;
 use crate::layers::Image;
 use crate::simd::{Kernel, vectorise};
@@ -49,39 +49,47 @@ pub(super) const BLOCK: usize = 32;
 /// A number for each pixel of a block.
 pub(super) type Row = [f32; BLOCK];
 
+/// The numbers that the filter computes with.
+pub(super) struct Settings<'a> {
+    pub(super) lambda: Multipliers<'a>,
+    pub(super) colour: f32,
+    pub(super) radius: usize,
+}
+
+/// λ₀ to λ₅.
+#[derive(Clone, Copy)]
+pub(super) enum Multipliers<'a> {
+    Constant([f32; 6]),
+    /// `[6, height, width]`.
+    PerPixel(&'a Image),
+}
+
 impl Stack {
     /// Filters the colour, `[3, height, width]`; `done` is called after each row.
-    pub(super) fn filter(&self, parameters: &Parameters, done: &(dyn Fn() + Sync)) -> Image {
+    pub(super) fn filter(&self, settings: &Settings<'_>, done: &(dyn Fn() + Sync)) -> Image {
         let mut rows = vec![0.0; self.height * 3 * self.width];
         rows.par_chunks_mut(3 * self.width).enumerate().for_each(|(y, out)| {
-            vectorise(RowKernel { stack: self, parameters, y, out });
+            vectorise(RowKernel { stack: self, settings, y, out });
             done();
         });
-        self.image_of_rows(rows)
-    }
-
-    fn image_of_rows(&self, rows: Vec<f32>) -> Image {
-        let mut image = Image::from_shape_vec((self.height, 3, self.width), rows)
-            .expect("three rows for each row");
-        image.swap_axes(0, 1);
-        image.as_standard_layout().into_owned()
+        image_of_rows(rows, (3, self.height, self.width))
     }
 
     /// [`Stack::filter`] as a processor without wide vectors computes it.
     #[cfg(test)]
-    pub(super) fn filter_portably(&self, parameters: &Parameters) -> Image {
+    pub(super) fn filter_portably(&self, settings: &Settings<'_>) -> Image {
         let mut rows = vec![0.0; self.height * 3 * self.width];
         rows.chunks_mut(3 * self.width).enumerate().for_each(|(y, out)| {
-            RowKernel { stack: self, parameters, y, out }.run();
+            RowKernel { stack: self, settings, y, out }.run();
         });
-        self.image_of_rows(rows)
+        image_of_rows(rows, (3, self.height, self.width))
     }
 }
 
 /// One row of the picture.
 struct RowKernel<'a> {
     stack: &'a Stack,
-    parameters: &'a Parameters,
+    settings: &'a Settings<'a>,
     y: usize,
     out: &'a mut [f32],
 }
@@ -91,9 +99,9 @@ impl Kernel for RowKernel<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { stack, parameters, y, out } = self;
+        let Self { stack, settings, y, out } = self;
         for x in (0..stack.width).step_by(BLOCK) {
-            let colours = Block::new(stack, parameters, y, x).filter();
+            let colours = Block::new(stack, settings, y, x).filter();
             for (channel, colour) in colours.iter().enumerate() {
                 let pixels = x..(x + BLOCK).min(stack.width);
                 let bounds = |side: usize| &stack.bounds[3 * side + channel][y * stack.width..];
@@ -129,11 +137,11 @@ const MOST_CHANNELS: usize = 13;
 
 impl<'a> Block<'a> {
     #[inline(always)]
-    fn new(stack: &'a Stack, parameters: &Parameters, y: usize, x: usize) -> Self {
+    fn new(stack: &'a Stack, settings: &Settings<'_>, y: usize, x: usize) -> Self {
         let lambda = |index: usize| -> Row {
-            match &parameters.lambda {
-                Lambda::Constant(values) => [values[index]; BLOCK],
-                Lambda::PerPixel(image) => {
+            match settings.lambda {
+                Multipliers::Constant(values) => [values[index]; BLOCK],
+                Multipliers::PerPixel(image) => {
                     std::array::from_fn(|pixel| image[[index, y, (x + pixel).min(stack.width - 1)]])
                 }
             }
@@ -141,10 +149,10 @@ impl<'a> Block<'a> {
         let inside = LARGEST_RADIUS..stack.width + LARGEST_RADIUS;
         let mut block = Self {
             stack,
-            radius: parameters.window_radius,
+            radius: settings.radius,
             y,
             x,
-            colour_lambda: parameters.colour,
+            colour_lambda: settings.colour,
             spatial_lambda: lambda(0),
             scales: [[0.0; BLOCK]; MOST_CHANNELS],
             variance: [[0.0; BLOCK]; 3],

@@ -3,6 +3,7 @@
 mod extremes;
 mod filter;
 mod prefilter;
+mod secondary;
 mod whole;
 
 use super::*;
@@ -41,7 +42,7 @@ fn plain(lambda: [f32; 6]) -> Parameters {
         lambda: Lambda::Constant(lambda),
         variance_spikes: None,
         result_spikes: None,
-        ..Default::default()
+        ..Parameters::constant()
     }
 }
 
