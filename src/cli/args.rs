@@ -142,8 +142,10 @@ pub(super) enum Denoiser {
     Auto,
     /// Leave the noise in
     None,
-    /// Cross-bilateral filter with constant parameters
+    /// Cross-bilateral filter with learned parameters
     Bilateral,
+    /// The same filter with constant parameters
+    BilateralConstant,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

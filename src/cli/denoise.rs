@@ -4,6 +4,7 @@ use super::args::Denoise;
 use super::render::{check_output, filter, thread_pool};
 use super::{BadInput, Failure};
 use anyhow::Context;
+use quietlight_denoise::bilateral::Parameters;
 use quietlight_denoise::exr::{self, Role, SeparateFile, WriteOptions};
 use quietlight_denoise::{LayerKind, png};
 use std::time::Instant;
@@ -24,7 +25,7 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
     }
     let threads = thread_pool(arguments.threads)?;
     let start = Instant::now();
-    let picture = threads.install(|| filter(&layers)).bad_input()?;
+    let picture = threads.install(|| filter(&layers, &Parameters::learned())).bad_input()?;
     let seconds = start.elapsed().as_secs_f64();
 
     let output = &arguments.output;

@@ -38,12 +38,18 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
     let is_interrupted = STOP.load(Ordering::Relaxed);
     let start = Instant::now();
-    let denoised = match arguments.denoiser {
+    let parameters = match arguments.denoiser {
         _ if is_interrupted => None,
         Denoiser::None => None,
-        Denoiser::Auto | Denoiser::Bilateral => {
-            Some(threads.install(|| filter(&rendered.layers)).map_err(Failure::Failed)?)
+        Denoiser::Auto | Denoiser::Bilateral => Some(bilateral::Parameters::learned()),
+        Denoiser::BilateralConstant => Some(bilateral::Parameters::constant()),
+    };
+    let denoised = match &parameters {
+        Some(parameters) => {
+            let filtered = threads.install(|| filter(&rendered.layers, parameters));
+            Some(filtered.map_err(Failure::Failed)?)
         }
+        None => None,
     };
     let denoising = denoised.as_ref().map(|_| start.elapsed());
 
@@ -170,9 +176,9 @@ pub(super) fn thread_pool(threads: Option<u16>) -> Result<rayon::ThreadPool, Fai
 }
 
 /// The cross-bilateral filter with a progress bar; what it had to mend is told.
-pub(super) fn filter(layers: &Layers) -> anyhow::Result<Image> {
+pub(super) fn filter(layers: &Layers, parameters: &bilateral::Parameters) -> anyhow::Result<Image> {
     let progress = Progress::new("denoise", "steps", 1000);
-    let denoised = bilateral::denoise(layers, &bilateral::Parameters::default(), &|part| {
+    let denoised = bilateral::denoise(layers, parameters, &|part| {
         progress.at((part * 1000.0) as u64);
     });
     progress.finish();
