@@ -1,0 +1,13 @@
+"""Score a denoiser on held-out views: `evaluate.py kpcn`."""
+
+import sys
+
+from quietlight_training import kpcn_evaluate
+from quietlight_training.verbs import Subcommand, run_verb
+
+SUBCOMMANDS = {
+    "kpcn": Subcommand("the kernel-predicting network", kpcn_evaluate.add_arguments, kpcn_evaluate.run),
+}
+
+if __name__ == "__main__":
+    sys.exit(run_verb("Score a denoiser on held-out views.", SUBCOMMANDS))

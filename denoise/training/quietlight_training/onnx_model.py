@@ -1,0 +1,160 @@
+"""The ONNX file of a network: logits only, with the metadata by which the renderer knows it.
+
+Input `input`, float32: `[1, 88, height/2, width/2]` for a kernel pyramid, whose outputs are `level0` … `level3`;
+`[1, 27, height, width]` for a single kernel, whose output is `logits`; see `network`. Height and width are free
+(multiples of 16 for the pyramid).
+"""
+
+import hashlib
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from torch import Tensor, nn
+
+from quietlight_training.channels import KERNEL_CHANNELS, PYRAMID_CHANNELS
+from quietlight_training.config import NetworkConfig
+from quietlight_training.denoiser import BRANCHES, Denoiser
+from quietlight_training.transforms import EPSILON
+
+OPSET = 18
+VERSION = "1"
+
+
+def channel_names(config: NetworkConfig) -> tuple[str, ...]:
+    """Names of the input channels."""
+    return PYRAMID_CHANNELS if config.kind == "kernel_pyramid" else KERNEL_CHANNELS
+
+
+def input_channels(config: NetworkConfig) -> int:
+    """Channels of the input tensor: four a name where space-to-depth went before."""
+    return len(channel_names(config)) * (4 if config.kind == "kernel_pyramid" else 1)
+
+
+def output_names(config: NetworkConfig) -> tuple[str, ...]:
+    """Names of the outputs."""
+    return ("level0", "level1", "level2", "level3") if config.kind == "kernel_pyramid" else ("logits",)
+
+
+def to_onnx(network: nn.Module, config: NetworkConfig, tier: str, branch: str) -> onnx.ModelProto:
+    """The network as an ONNX model, with its metadata."""
+    names = output_names(config)
+    axes = {name: {2: f"{name}_height", 3: f"{name}_width"} for name in names}
+    file = io.BytesIO()
+    torch.onnx.export(
+        network.eval().to(memory_format=torch.contiguous_format),
+        (torch.zeros(1, input_channels(config), 32, 32),),
+        file,
+        input_names=["input"],
+        output_names=list(names),
+        dynamic_axes={"input": {2: "height", 3: "width"}, **axes},
+        opset_version=OPSET,
+        dynamo=False,
+    )
+    model = onnx.load_from_string(file.getvalue())
+    describe(model, config, tier, branch)
+    onnx.checker.check_model(model)
+    return model
+
+
+def describe(model: onnx.ModelProto, config: NetworkConfig, tier: str, branch: str) -> None:
+    """Writes the metadata into the model."""
+    metadata = {
+        "kind": config.kind,
+        "branch": branch,
+        "tier": tier,
+        "channels": ",".join(channel_names(config)),
+        "epsilon": str(EPSILON),
+        "version": VERSION,
+    }
+    onnx.helper.set_model_props(model, metadata)
+
+
+def round_weights(denoiser: Denoiser) -> None:
+    """Rounds all weights to float16, which is what their file will hold."""
+    with torch.no_grad():
+        for weight in denoiser.parameters():
+            weight.copy_(weight.half().float())
+
+
+def halve_weights(model: onnx.ModelProto) -> None:
+    """Stores the weights as float16, converted back by a Cast that onnxruntime folds away on loading: half the file."""
+    graph = model.graph
+    casts = []
+    for tensor in graph.initializer:
+        if tensor.data_type != onnx.TensorProto.FLOAT or not tensor.dims:
+            continue
+        name = tensor.name
+        half = onnx.numpy_helper.to_array(tensor).astype(np.float16)
+        tensor.CopyFrom(onnx.numpy_helper.from_array(half, f"{name}.half"))
+        casts.append(onnx.helper.make_node("Cast", [tensor.name], [name], to=onnx.TensorProto.FLOAT))
+    for cast in reversed(casts):
+        graph.node.insert(0, cast)
+
+
+def session(model: onnx.ModelProto | Path, threads: int = 0) -> onnxruntime.InferenceSession:
+    """The model loaded for the CPU; 0 threads are onnxruntime's choice."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    source = str(model) if isinstance(model, Path) else model.SerializeToString()
+    return onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
+
+
+def largest_difference(model: onnx.ModelProto, network: nn.Module, inputs: Tensor) -> float:
+    """Largest difference of any logit between onnxruntime and torch, over the largest logit or 1."""
+    with torch.no_grad():
+        outputs = network.eval()(inputs)
+    expected = outputs if isinstance(outputs, tuple) else (outputs,)
+    found = session(model).run(None, {"input": inputs.numpy()})
+    return max(
+        float(np.abs(there - here.numpy()).max() / max(1.0, here.abs().max().item()))
+        for there, here in zip(found, expected, strict=True)
+    )
+
+
+class OnnxNetwork(nn.Module):
+    """An ONNX model in the place of a network of [`Denoiser`]."""
+
+    def __init__(self, model: onnx.ModelProto | Path, threads: int = 0):
+        super().__init__()
+        self.session = session(model, threads)
+
+    def forward(self, channels: Tensor) -> Tensor | tuple[Tensor, ...]:
+        """Logits; one image at a time, as the renderer does."""
+        outputs = tuple(torch.from_numpy(o) for o in self.session.run(None, {"input": channels.contiguous().numpy()}))
+        return outputs if len(outputs) > 1 else outputs[0]
+
+
+def load_denoiser(paths: dict[str, Path], threads: int = 0) -> Denoiser:
+    """A denoiser of the weight files of both branches. Raises `ValueError` where a file is not what its name says."""
+    denoiser = None
+    for branch, path in paths.items():
+        metadata = session(path).get_modelmeta().custom_metadata_map
+        if metadata.get("branch") != branch:
+            raise ValueError(f"{path}: branch is {metadata.get('branch')!r}, expected {branch!r}")
+        if denoiser is None:
+            denoiser = _empty_denoiser(metadata, path)
+        setattr(denoiser, branch, OnnxNetwork(path, threads))
+    if denoiser is None:
+        raise ValueError(f"expected the files of {BRANCHES}, found none")
+    return denoiser
+
+
+def sha256(path: Path) -> str:
+    """Hash of a file, as the renderer checks it."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _empty_denoiser(metadata: dict[str, str], path: Path) -> Denoiser:
+    kind = metadata.get("kind")
+    if kind == "kernel_pyramid":
+        return Denoiser(NetworkConfig(kind, widths=(1, 1, 1, 1)))
+    if kind == "kernel":
+        outputs = session(path).get_outputs()
+        return Denoiser(NetworkConfig(kind, depth=1, width=1, filter_size=1, taps=round(outputs[0].shape[1] ** 0.5)))
+    raise ValueError(f"{path}: kind is {kind!r}, expected kernel_pyramid or kernel")

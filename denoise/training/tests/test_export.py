@@ -1,0 +1,158 @@
+"""Weight files: what onnxruntime makes of them is what torch made, and they say what they are."""
+
+import json
+
+import onnx
+import pytest
+import torch
+
+import evaluate
+import export
+from quietlight_training import examples, onnx_model, quantise
+from quietlight_training.channels import KERNEL_CHANNELS, PYRAMID_CHANNELS
+from quietlight_training.checkpoint import FILE, Checkpoint
+from quietlight_training.config import Config, NetworkConfig
+from quietlight_training.denoiser import BRANCHES, Denoiser
+from quietlight_training.transforms import exposure
+from quietlight_training.verbs import run_verb
+from quietlight_training.views import read_views
+from tests.conftest import random_buffers
+
+PYRAMID = NetworkConfig("kernel_pyramid", widths=(8, 8, 16, 16))
+KERNEL = NetworkConfig("kernel", depth=3, width=8, filter_size=3, taps=5)
+KINDS = pytest.mark.parametrize("network", [PYRAMID, KERNEL], ids=["pyramid", "kernel"])
+
+
+def save_checkpoint(network: NetworkConfig, folder) -> Denoiser:
+    denoiser = Denoiser(network)
+    weights = denoiser.state_dict()
+    folder.mkdir(exist_ok=True)
+    Checkpoint(Config("unit", network), 7, 3600.0, weights, weights, {}, {"data": "set"}).save(folder / FILE)
+    return denoiser
+
+
+def export_kpcn(*options) -> int:
+    return run_verb("export", export.SUBCOMMANDS, ["kpcn", *map(str, options)])
+
+
+@KINDS
+def test_the_files_denoise_as_the_checkpoint_does(network, tmp_path):
+    denoiser = save_checkpoint(network, tmp_path / "run")
+    assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, "--full-precision") == 0
+    loaded = onnx_model.load_denoiser({branch: tmp_path / f"kpcn-unit-{branch}.onnx" for branch in BRANCHES})
+    for height, width in ((32, 48), (19, 21), (1, 1)):
+        buffers = random_buffers(height, width)
+        scale = exposure(buffers.beauty)
+        with torch.no_grad():
+            expected, found = (one(buffers, scale).radiance for one in (denoiser, loaded))
+        torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-6)
+
+
+@KINDS
+def test_the_files_say_what_they_are(network, tmp_path):
+    save_checkpoint(network, tmp_path / "run")
+    assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, "--tier", "fast") == 0
+    models = json.loads((tmp_path / "models.json").read_text())
+    is_pyramid = network.kind == "kernel_pyramid"
+    names = PYRAMID_CHANNELS if is_pyramid else KERNEL_CHANNELS
+    assert set(models) == {"kpcn-fast-diffuse", "kpcn-fast-specular"}
+    for branch in BRANCHES:
+        entry = models[f"kpcn-fast-{branch}"]
+        path = tmp_path / entry["file"]
+        assert entry["sha256"] == onnx_model.sha256(path)
+        assert (entry["tier"], entry["branch"], entry["steps"]) == ("fast", branch, 7)
+        session = onnx_model.session(path)
+        assert session.get_modelmeta().custom_metadata_map == {
+            "kind": network.kind,
+            "branch": branch,
+            "tier": "fast",
+            "channels": ",".join(names),
+            "epsilon": "0.00316",
+            "version": "1",
+        }
+        outputs = [output.name for output in session.get_outputs()]
+        assert outputs == (["level0", "level1", "level2", "level3"] if is_pyramid else ["logits"])
+        assert [value.name for value in session.get_inputs()] == ["input"]
+        assert onnx.load(path).opset_import[0].version == 18
+
+
+def test_half_precision_weights_halve_the_file_and_are_what_is_checked(tmp_path):
+    denoiser = save_checkpoint(NetworkConfig("kernel_pyramid", widths=(16, 32, 48, 64)), tmp_path / "run")
+    sizes = []
+    for options in (("--full-precision",), ()):
+        assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, *options) == 0
+        sizes.append((tmp_path / "kpcn-unit-diffuse.onnx").stat().st_size)
+    assert sizes[1] < 0.55 * sizes[0]
+    onnx_model.round_weights(denoiser)
+    model = onnx.load(tmp_path / "kpcn-unit-diffuse.onnx")
+    assert onnx_model.largest_difference(model, denoiser.diffuse, torch.randn(1, 88, 16, 32)) < 1e-5
+
+
+def test_a_model_that_differs_from_torch_is_refused(tmp_path):
+    from quietlight_training.kpcn_export import check
+
+    network = Denoiser(PYRAMID).diffuse
+    model = onnx_model.to_onnx(network, PYRAMID, "unit", "diffuse")
+    assert check(model, network, 88) < 1e-5
+    with torch.no_grad():
+        network.heads[3].bias[0] += 1e-2
+    with pytest.raises(ValueError, match="differs from torch"):
+        check(model, network, 88)
+
+
+def test_swapped_branches_are_refused(tmp_path):
+    save_checkpoint(PYRAMID, tmp_path / "run")
+    assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path) == 0
+    with pytest.raises(ValueError, match="branch is 'specular', expected 'diffuse'"):
+        onnx_model.load_denoiser({"diffuse": tmp_path / "kpcn-unit-specular.onnx"})
+
+
+def test_exporting_another_tier_keeps_the_entries_that_are_there(tmp_path):
+    save_checkpoint(PYRAMID, tmp_path / "run")
+    for tier in ("fast", "high"):
+        assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, "--tier", tier) == 0
+    models = json.loads((tmp_path / "models.json").read_text())
+    assert sorted(models) == [f"kpcn-{tier}-{branch}" for tier in ("fast", "high") for branch in BRANCHES]
+
+
+@pytest.fixture(scope="module")
+def data(dataset, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("examples")
+    for view in read_views(dataset):
+        examples.write_example(view, folder, patch_size=32, candidates=6)
+    examples.write_index(folder)
+    return folder
+
+
+def test_int8_changes_the_logits_little_and_keeps_the_description(data, tmp_path):
+    denoiser = save_checkpoint(PYRAMID, tmp_path / "run")
+    options = ("--int8", "--data", data, "--calibration-images", 3)
+    assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, *options) == 0
+    model = onnx.load(tmp_path / "kpcn-unit-diffuse.onnx")
+    assert any(node.op_type == "QuantizeLinear" for node in model.graph.node)
+    assert {prop.key: prop.value for prop in model.metadata_props}["kind"] == "kernel_pyramid"
+    inputs = quantise.calibration_inputs(denoiser, data, examples.read_index(data, "train"), 3)["diffuse"]
+    with torch.no_grad():
+        logits = torch.cat([level.flatten() for level in denoiser.diffuse(torch.from_numpy(inputs[0]))])
+    # 8 bits of the range of each of the nine layers in a row: some percent of the logits' own spread.
+    assert 0 < quantise.error(model, denoiser.diffuse, inputs) < 0.1 * logits.std()
+
+
+def test_int8_without_data_says_what_it_needs(tmp_path, capsys):
+    save_checkpoint(PYRAMID, tmp_path / "run")
+    assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, "--int8") == 2
+    assert "--data" in capsys.readouterr().err
+
+
+def test_evaluation_scores_checkpoints_and_files_alike(data, tmp_path, capsys):
+    save_checkpoint(PYRAMID, tmp_path / "run")
+    assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, "--full-precision") == 0
+    results = []
+    for source in (["--checkpoint", tmp_path / "run"], ["--models", tmp_path, "--tier", "unit"]):
+        arguments = ["kpcn", *source, "--data", data, "--json", tmp_path / "scores.json"]
+        assert run_verb("evaluate", evaluate.SUBCOMMANDS, list(map(str, arguments))) == 0
+        results.append(json.loads((tmp_path / "scores.json").read_text()))
+    assert [(score["id"], score["spp"]) for score in results[0]] == [("d", 1), ("d", 16)]
+    for one, other in zip(*results, strict=True):
+        assert one["relative_l2"] == pytest.approx(other["relative_l2"], rel=1e-4)
+    assert "1-3 spp" in capsys.readouterr().out
