@@ -20,6 +20,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub use features::GROUPS;
 use filter::{Multipliers, Settings};
 pub use mlp::Network;
+use ndarray::s;
 pub use parameters::{Lambda, Parameters};
 use rayon::prelude::*;
 
@@ -129,6 +130,30 @@ impl Prepared {
         image_of_rows(rows, (mlp::OUTPUTS, height, width))
     }
 
+    /// All that a trainer needs, the channels as [`example_channels`] names them; 0 where the picture has no such group.
+    /// The variances of the colour are without their spikes, as [`Parameters::constant`] removes them.
+    pub fn example(&self) -> Image {
+        let (_, height, width) = self.colour.dim();
+        let mut variance = self.colour_variance.clone();
+        if let Some(threshold) = Parameters::constant().variance_spikes {
+            spikes::remove_spikes(&mut variance, VARIANCE_SPIKE_RADIUS, threshold);
+        }
+        let mut rows = Vec::new();
+        for y in 0..height {
+            let mut add = |image: &Image| rows.extend(image.slice(s![.., y, ..]).iter().copied());
+            add(&self.colour);
+            add(&variance);
+            for (group, kind) in GROUPS.into_iter().enumerate() {
+                let missing = Image::zeros((kind.components().len(), height, width));
+                let feature = self.features.iter().find(|feature| feature.group == group);
+                add(feature.map_or(&missing, |feature| &feature.mean));
+                add(feature.map_or(&missing, |feature| &feature.variance));
+            }
+            rows.extend(self.secondary.row(&self.features, y, width));
+        }
+        image_of_rows(rows, (example_channels().len(), height, width))
+    }
+
     /// Filters with `parameters`; `progress` hears the part that is done, in `[0, 1]`, from any thread.
     ///
     /// # Errors
@@ -191,6 +216,23 @@ fn beauty(layers: &Layers) -> Result<Layer, Error> {
         }
         (None, None) => Err(layers.missing(LayerKind::Beauty)),
     }
+}
+
+/// Names of the channels of [`Prepared::example`]: colour, its variance, mean and variance of each of the [`GROUPS`], and
+/// the 36 secondary features.
+pub fn example_channels() -> Vec<String> {
+    let channels = |prefix: String, kind: LayerKind| {
+        kind.components().iter().map(move |component| format!("{prefix}.{component}"))
+    };
+    [LayerKind::Beauty]
+        .into_iter()
+        .chain(GROUPS)
+        .flat_map(|kind| {
+            let name = kind.name();
+            channels(name.into(), kind).chain(channels(format!("{name}.variance"), kind))
+        })
+        .chain(secondary::names())
+        .collect()
 }
 
 /// An image whose channels lie one after the other in each row.
