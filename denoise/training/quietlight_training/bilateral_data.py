@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from quietlight_training.bilateral_filter import MULTIPLIERS, RADIUS, windows
+from quietlight_training.bilateral_filter import MULTIPLIERS, RADIUS, relative_error, windows
 from quietlight_training.bilateral_network import FEATURES
 from quietlight_training.exr import read_layers
 from quietlight_training.views import View
@@ -98,7 +98,7 @@ class Pool:
     reference: Tensor
     """`[pixels, 3]`"""
     weight: Tensor
-    """Weight of each pixel's error, `[pixels]`: the samples per pixel of its image."""
+    """Weight of each pixel's error, `[pixels]`, the same for all of an image."""
 
     @property
     def noisy(self) -> Tensor:
@@ -106,7 +106,25 @@ class Pool:
         return self.colours[:, self.colours.shape[1] // 2]
 
 
-def draw(examples: list[Example], pixels: int, seed: int, radius: int = RADIUS) -> Pool:
+BALANCES = ("noise", "samples")
+# Images with less noise than this (relative L2) count no more than if they had it.
+LEAST_NOISE = 1e-6
+
+
+def image_weight(planes: Tensor, reference: Tensor, spp: int, balance: str) -> float:
+    """What an image's errors count.
+
+    The paper multiplies by the samples per pixel (`samples`), by which the noise of one scene falls. Scenes differ in noise
+    by far more, and those of fireflies would decide alone: `noise` divides by the noise itself, so that the mean error of
+    an image left as it is is 1.
+    """
+    if balance == "samples":
+        return float(spp)
+    noise = relative_error(planes[:3].reshape(3, -1).t(), reference.reshape(3, -1).t(), torch.ones(1)).mean()
+    return 1 / max(noise.item(), LEAST_NOISE)
+
+
+def draw(examples: list[Example], pixels: int, seed: int, balance: str = "noise", radius: int = RADIUS) -> Pool:
     """Draws `pixels` pixels of each example; the same seed draws the same pixels."""
     generator = torch.Generator().manual_seed(seed)
     count, taps = len(examples) * pixels, (2 * radius + 1) ** 2
@@ -126,5 +144,5 @@ def draw(examples: list[Example], pixels: int, seed: int, radius: int = RADIUS) 
         pool.distances[slots], pool.colours[slots] = windows(planes, rows, columns, radius)
         pool.features[slots] = features[:, rows, columns].t()
         pool.reference[slots] = reference[:, rows, columns].t()
-        pool.weight[slots] = float(example.spp)
+        pool.weight[slots] = image_weight(planes, reference, example.spp, balance)
     return pool

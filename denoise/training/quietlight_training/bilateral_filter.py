@@ -75,5 +75,5 @@ def windows(planes: Tensor, rows: Tensor, columns: Tensor, radius: int = RADIUS)
 
 
 def relative_error(filtered: Tensor, reference: Tensor, weight: Tensor) -> Tensor:
-    """`w/2 Σ_q (ĉ_q − c_q)² / (c_q² + 0.01)` of each pixel; the paper's weight w is the number of samples."""
+    """`w/2 Σ_q (ĉ_q − c_q)² / (c_q² + 0.01)` of each pixel (METHODS 9.7, where w is the number of samples)."""
     return 0.5 * weight * ((filtered - reference).square() / (reference.square() + 0.01)).sum(1)

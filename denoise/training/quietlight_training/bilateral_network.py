@@ -25,7 +25,7 @@ START = (0.05, 0.01, 0.01, 0.03, 0.01, 0.03, 0.2)
 
 def softplus(x: Tensor) -> Tensor:
     """`ln(1 + e^x)` without an exponential that overflows."""
-    return x.clamp_min(0) + torch.log1p(torch.exp(-x.abs()))
+    return torch.logaddexp(x, torch.zeros_like(x))
 
 
 def inverse_softplus(value: float) -> float:

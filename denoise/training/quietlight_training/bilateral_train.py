@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from quietlight_training import log
-from quietlight_training.bilateral_data import REPOSITORY, Pool, draw, feature_names, normalisation, prepare
+from quietlight_training.bilateral_data import BALANCES, REPOSITORY, Pool, draw, feature_names, normalisation, prepare
 from quietlight_training.bilateral_filter import Filter, relative_error
 from quietlight_training.bilateral_network import Constant, Network
 from quietlight_training.plots import plot_run
@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pixels", type=int, default=16, help="pixels drawn of each noisy image")
     parser.add_argument("--batch", type=int, default=512, help="pixels of a step")
     parser.add_argument("--rate", type=float, default=0.02, help="learning rate at the start; it falls to a tenth")
+    parser.add_argument("--balance", choices=BALANCES, default="noise", help="what an image's error is measured by")
     parser.add_argument("--seed", type=int, default=0, help="of the weights and the pixels")
     parser.add_argument("--threads", type=int, default=1, help="threads of torch")
 
@@ -114,11 +115,11 @@ def run(args: argparse.Namespace) -> None:
     # Rows of a round that was not finished are written anew.
     log.truncate(args.run / "log.csv", state["round"] * args.epochs)
 
-    validation = draw(held_out, 4 * args.pixels, args.seed + 1_000_000)
+    validation = draw(held_out, 4 * args.pixels, args.seed + 1_000_000, args.balance)
     epochs = args.rounds * args.epochs
     for number in range(state["round"], args.rounds):
         start = time.process_time()
-        pool = draw(training, args.pixels, args.seed + number)
+        pool = draw(training, args.pixels, args.seed + number, args.balance)
         for epoch in range(number * args.epochs, (number + 1) * args.epochs):
             row: dict[str, object] = {"step": epoch + 1}
             for name, model in models.items():

@@ -2,6 +2,7 @@
 
 mod extremes;
 mod filter;
+mod fixture;
 mod prefilter;
 mod secondary;
 mod whole;
