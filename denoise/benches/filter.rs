@@ -36,7 +36,7 @@ fn noisy_layers(width: usize, height: usize) -> Layers {
 
 fn filter_tile(criterion: &mut Criterion) {
     let prepared = Prepared::new(&noisy_layers(64, 64)).expect("the layers are whole");
-    let parameters = Parameters::default();
+    let parameters = Parameters::constant();
     let mut group = criterion.benchmark_group("bilateral");
     group.throughput(Throughput::Elements(64 * 64));
     group.sample_size(20);

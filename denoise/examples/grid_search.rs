@@ -79,7 +79,7 @@ fn load(noisy: &Path, reference: &Path) -> Result<Pair, Error> {
 /// Relative L2 after filtering over that before.
 fn ratio(pair: &Pair, [l0, l1, l2, l3, l4, l5, colour]: [f32; 7]) -> Result<f64, Error> {
     let lambda = Lambda::Constant([l0, l1, l2, l3, l4, l5]);
-    let parameters = Parameters { lambda, colour, ..Parameters::default() };
+    let parameters = Parameters { lambda, colour, ..Parameters::constant() };
     Ok(relative_l2(&pair.prepared.filter(&parameters, &|_| {})?.image, &pair.reference)?
         / pair.before)
 }

@@ -17,13 +17,10 @@ pub(crate) fn exp_negative(distance: f32) -> f32 {
     let shifted = x * std::f32::consts::LOG2_E + ROUND;
     let k = shifted - ROUND;
     let r = (x - k * LN_2_HIGH) - k * LN_2_LOW;
-    let series = 1.0 / 720.0;
-    let series = series * r + 1.0 / 120.0;
-    let series = series * r + 1.0 / 24.0;
-    let series = series * r + 1.0 / 6.0;
-    let series = series * r + 0.5;
-    let series = series * r + 1.0;
-    let series = series * r + 1.0;
+    // In pairs and not by Horner's rule, which would wait for each term (Estrin 1960).
+    let square = r * r;
+    let high = (1.0 / 24.0 + r * (1.0 / 120.0)) + square * (1.0 / 720.0);
+    let series = (1.0 + r) + square * ((0.5 + r * (1.0 / 6.0)) + square * high);
     let exponent =
         (shifted.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32).wrapping_add(127);
     // An exponent of 0 is the number 0.

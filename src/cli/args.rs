@@ -215,8 +215,10 @@ pub(super) enum Denoiser {
     Auto,
     /// Leave the noise in
     None,
-    /// Cross-bilateral filter with constant parameters
+    /// Cross-bilateral filter with learned parameters
     Bilateral,
+    /// The same filter with constant parameters
+    BilateralConstant,
     /// Kernel-predicting neural networks, run by onnxruntime
     Kpcn,
 }

@@ -11,8 +11,8 @@ use quietlight_denoise::{Error, Image, Layers};
 
 /// A denoiser that is ready to run.
 pub(super) enum Denoising {
-    /// The cross-bilateral filter with constant parameters.
-    Bilateral,
+    /// The cross-bilateral filter, with learned or constant parameters.
+    Bilateral(bilateral::Parameters),
     /// A pair of networks.
     Kpcn {
         /// The networks.
@@ -42,11 +42,14 @@ impl Denoising {
     ) -> Result<Option<Self>, Failure> {
         let has_models = !networks.models.is_empty();
         match denoiser {
-            Denoiser::None | Denoiser::Bilateral if has_models => {
+            Denoiser::None | Denoiser::Bilateral | Denoiser::BilateralConstant if has_models => {
                 Err(anyhow!("--model is for --denoiser kpcn or auto")).bad_input()
             }
             Denoiser::None => Ok(None),
-            Denoiser::Bilateral => Ok(Some(Self::Bilateral)),
+            Denoiser::Bilateral => Ok(Some(Self::Bilateral(bilateral::Parameters::learned()))),
+            Denoiser::BilateralConstant => {
+                Ok(Some(Self::Bilateral(bilateral::Parameters::constant())))
+            }
             Denoiser::Auto | Denoiser::Kpcn if has_models => {
                 let [first, second] = &networks.models[..] else {
                     return Err(anyhow!(
@@ -70,7 +73,7 @@ impl Denoising {
                     eprintln!(
                         "warning: the bilateral filter is used, for the networks cannot run: {error}"
                     );
-                    Ok(Some(Self::Bilateral))
+                    Ok(Some(Self::Bilateral(bilateral::Parameters::learned())))
                 }
             },
         }
@@ -85,8 +88,8 @@ impl Denoising {
         let progress = Progress::new("denoise", "steps", 1000);
         let heard = |part: f32| progress.at((part * 1000.0) as u64);
         let outcome = match self {
-            Self::Bilateral => threads
-                .install(|| bilateral::denoise(layers, &bilateral::Parameters::default(), &heard))
+            Self::Bilateral(parameters) => threads
+                .install(|| bilateral::denoise(layers, parameters, &heard))
                 .map(|denoised| {
                     let denoised_by = Denoised {
                         image: denoised.image,

@@ -13,7 +13,7 @@ pub const GROUPS: [LayerKind; 5] = [
     LayerKind::Visibility,
 ];
 
-/// One group: means and variances of the mean, `[channels, height, width]` each.
+/// One group: means and variances of the mean, `[channels, height, width]` each, in the standard layout.
 #[derive(Clone, Debug)]
 pub(super) struct Feature {
     /// Index of the group in [`GROUPS`].
@@ -26,7 +26,8 @@ pub(super) struct Feature {
 pub(super) fn features(layers: &Layers) -> Vec<Feature> {
     let group = |(group, kind): (usize, LayerKind)| {
         let Layer { mean, variance, .. } = layers.layers.get(&kind)?;
-        let (mut mean, mut variance) = (mean.clone(), variance.clone()?);
+        let standard = |image: &Image| image.as_standard_layout().into_owned();
+        let (mut mean, mut variance) = (standard(mean), standard(variance.as_ref()?));
         if kind == LayerKind::Position {
             normalise_position(&mut mean, &mut variance);
         }

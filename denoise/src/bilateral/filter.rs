@@ -16,8 +16,8 @@
 
 use rayon::prelude::*;
 
-use super::stack::{Group, Stack, first};
-use super::{Lambda, Parameters};
+use super::image_of_rows;
+use super::stack::{FIRST_FEATURE, Stack, first as first_of};
 use crate::exp::exp_negative;
 use crate::layers::Image;
 use crate::simd::{Kernel, vectorise};
@@ -40,6 +40,9 @@ pub(super) const LARGEST_RADIUS: usize = 27;
 /// Offsets that are computed together.
 const TOGETHER: usize = 4;
 
+/// Offsets that are weighed together: the vectors of more do not fit into the registers.
+const PAIR: usize = 2;
+
 /// Offsets in a row of the window, with some that weigh nothing to make them a multiple of [`TOGETHER`].
 pub(super) const TAPS: usize = (2 * LARGEST_RADIUS + 1).next_multiple_of(TOGETHER);
 
@@ -49,39 +52,47 @@ pub(super) const BLOCK: usize = 32;
 /// A number for each pixel of a block.
 pub(super) type Row = [f32; BLOCK];
 
+/// The numbers that the filter computes with.
+pub(super) struct Settings<'a> {
+    pub(super) lambda: Multipliers<'a>,
+    pub(super) colour: f32,
+    pub(super) radius: usize,
+}
+
+/// λ₀ to λ₅.
+#[derive(Clone, Copy)]
+pub(super) enum Multipliers<'a> {
+    Constant([f32; 6]),
+    /// `[6, height, width]`.
+    PerPixel(&'a Image),
+}
+
 impl Stack {
     /// Filters the colour, `[3, height, width]`; `done` is called after each row.
-    pub(super) fn filter(&self, parameters: &Parameters, done: &(dyn Fn() + Sync)) -> Image {
+    pub(super) fn filter(&self, settings: &Settings<'_>, done: &(dyn Fn() + Sync)) -> Image {
         let mut rows = vec![0.0; self.height * 3 * self.width];
         rows.par_chunks_mut(3 * self.width).enumerate().for_each(|(y, out)| {
-            vectorise(RowKernel { stack: self, parameters, y, out });
+            vectorise(RowKernel { stack: self, settings, y, out });
             done();
         });
-        self.image_of_rows(rows)
-    }
-
-    fn image_of_rows(&self, rows: Vec<f32>) -> Image {
-        let mut image = Image::from_shape_vec((self.height, 3, self.width), rows)
-            .expect("three rows for each row");
-        image.swap_axes(0, 1);
-        image.as_standard_layout().into_owned()
+        image_of_rows(rows, (3, self.height, self.width))
     }
 
     /// [`Stack::filter`] as a processor without wide vectors computes it.
     #[cfg(test)]
-    pub(super) fn filter_portably(&self, parameters: &Parameters) -> Image {
+    pub(super) fn filter_portably(&self, settings: &Settings<'_>) -> Image {
         let mut rows = vec![0.0; self.height * 3 * self.width];
         rows.chunks_mut(3 * self.width).enumerate().for_each(|(y, out)| {
-            RowKernel { stack: self, parameters, y, out }.run();
+            RowKernel { stack: self, settings, y, out }.run();
         });
-        self.image_of_rows(rows)
+        image_of_rows(rows, (3, self.height, self.width))
     }
 }
 
 /// One row of the picture.
 struct RowKernel<'a> {
     stack: &'a Stack,
-    parameters: &'a Parameters,
+    settings: &'a Settings<'a>,
     y: usize,
     out: &'a mut [f32],
 }
@@ -91,9 +102,9 @@ impl Kernel for RowKernel<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { stack, parameters, y, out } = self;
+        let Self { stack, settings, y, out } = self;
         for x in (0..stack.width).step_by(BLOCK) {
-            let colours = Block::new(stack, parameters, y, x).filter();
+            let colours = Block::new(stack, settings, y, x).filter();
             for (channel, colour) in colours.iter().enumerate() {
                 let pixels = x..(x + BLOCK).min(stack.width);
                 let bounds = |side: usize| &stack.bounds[3 * side + channel][y * stack.width..];
@@ -108,6 +119,11 @@ impl Kernel for RowKernel<'_> {
     }
 }
 
+/// Numbers that begin where a line of the cache does: a vector across two lines is read and written twice.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Aligned<T>(T);
+
 /// Some pixels of row `y`, from column `x`.
 struct Block<'a> {
     stack: &'a Stack,
@@ -115,13 +131,16 @@ struct Block<'a> {
     y: usize,
     x: usize,
     colour_lambda: f32,
-    spatial_lambda: Row,
+    spatial_lambda: Aligned<Row>,
     /// √(λ / max(1e-4, σ²)) for each channel of each group.
-    scales: [Row; MOST_CHANNELS],
+    scales: Aligned<[Row; MOST_CHANNELS]>,
+    /// Channels of the groups there are, and their means.
+    channels: usize,
+    centre: Aligned<[Row; MOST_CHANNELS]>,
     /// Colour variance and its ε.
-    variance: [Row; 3],
+    variance: Aligned<[Row; 3]>,
     /// 0 for each offset to the sides that lies in the picture, infinity outside.
-    border: [Row; TAPS],
+    border: Aligned<[Row; TAPS + TOGETHER]>,
 }
 
 /// Channels of all groups together.
@@ -129,35 +148,45 @@ const MOST_CHANNELS: usize = 13;
 
 impl<'a> Block<'a> {
     #[inline(always)]
-    fn new(stack: &'a Stack, parameters: &Parameters, y: usize, x: usize) -> Self {
+    fn new(stack: &'a Stack, settings: &Settings<'_>, y: usize, x: usize) -> Self {
         let lambda = |index: usize| -> Row {
-            match &parameters.lambda {
-                Lambda::Constant(values) => [values[index]; BLOCK],
-                Lambda::PerPixel(image) => {
+            match settings.lambda {
+                Multipliers::Constant(values) => [values[index]; BLOCK],
+                Multipliers::PerPixel(image) => {
                     std::array::from_fn(|pixel| image[[index, y, (x + pixel).min(stack.width - 1)]])
                 }
             }
         };
+        let channels = stack.groups.iter().map(|group| group.channels).sum();
         let inside = LARGEST_RADIUS..stack.width + LARGEST_RADIUS;
         let mut block = Self {
             stack,
-            radius: parameters.window_radius,
+            radius: settings.radius,
             y,
             x,
-            colour_lambda: parameters.colour,
-            spatial_lambda: lambda(0),
-            scales: [[0.0; BLOCK]; MOST_CHANNELS],
-            variance: [[0.0; BLOCK]; 3],
-            border: std::array::from_fn(|tap| {
+            colour_lambda: settings.colour,
+            // Never 0: 0 · ∞ must not arise.
+            spatial_lambda: Aligned(lambda(0).map(|value| value.max(f32::MIN_POSITIVE))),
+            scales: Aligned([[0.0; BLOCK]; MOST_CHANNELS]),
+            channels,
+            centre: Aligned(std::array::from_fn(|channel| {
+                if channel < channels {
+                    *stack.pixels(y, FIRST_FEATURE + channel, x)
+                } else {
+                    [0.0; BLOCK]
+                }
+            })),
+            variance: Aligned([[0.0; BLOCK]; 3]),
+            border: Aligned(std::array::from_fn(|tap| {
                 std::array::from_fn(|pixel| {
                     if inside.contains(&(x + pixel + tap)) { 0.0 } else { f32::INFINITY }
                 })
-            }),
+            })),
         };
-        for (channel, variance) in block.variance.iter_mut().enumerate() {
+        for (channel, variance) in block.variance.0.iter_mut().enumerate() {
             *variance = stack.pixels(y, 3 + channel, x).map(|value| value + COLOUR_EPSILON);
         }
-        let mut scales = block.scales.iter_mut();
+        let mut scales = block.scales.0.iter_mut();
         for group in &stack.groups {
             let lambda = lambda(group.lambda);
             for (channel, scale) in (0..group.channels).zip(&mut scales) {
@@ -172,97 +201,97 @@ impl<'a> Block<'a> {
 
     #[inline(always)]
     fn filter(&self) -> [Row; 3] {
-        let smallest = self.spatial_lambda.iter().copied().fold(f32::INFINITY, f32::min);
+        let smallest = self.spatial_lambda.0.iter().copied().fold(f32::INFINITY, f32::min);
         let mut total = Sums::default();
-        let mut distances = [[0.0; BLOCK]; TAPS];
         for neighbour_y in clipped(self.y, self.radius, self.stack.height) {
             let dy = neighbour_y.abs_diff(self.y);
-            let Some(reach) = reach(smallest, dy, self.radius) else { continue };
-            let distances = &mut distances[..(2 * reach + 1).next_multiple_of(TOGETHER)];
-            self.spatial(distances, reach, dy);
-            let mut scales = &self.scales[..];
-            for group in &self.stack.groups {
-                let (own, rest) = scales.split_at(group.channels);
-                if group.channels == 3 {
-                    self.add_group::<3>(distances, reach, neighbour_y, (group, own));
-                } else {
-                    self.add_group::<1>(distances, reach, neighbour_y, (group, own));
-                }
-                scales = rest;
+            if let Some(reach) = reach(smallest, dy, self.radius) {
+                // Sums of rows, then of the window: 55 + 55 roundings and not 3025.
+                total.add(&self.weigh_row(neighbour_y, reach));
             }
-            // Sums of rows, then of the window: 55 + 55 roundings and not 3025.
-            total.add(&self.weigh(distances, reach, neighbour_y));
         }
         total.colours.map(|colour| std::array::from_fn(|pixel| colour[pixel] / total.weight[pixel]))
     }
 
-    /// Starts the distances with the spatial term.
+    /// Weights and weighted colours of a row of the window.
     #[inline(always)]
-    fn spatial(&self, distances: &mut [Row], reach: usize, dy: usize) {
-        let border = &self.border[LARGEST_RADIUS - reach..];
-        for (tap, distance) in distances.iter_mut().enumerate() {
-            let dx = tap.abs_diff(reach);
-            // Offsets beyond the window are those that fill up to a multiple.
-            let squared = if dx > reach { f32::INFINITY } else { (dx * dx + dy * dy) as f32 };
-            let border = border.get(tap).unwrap_or(&[f32::INFINITY; BLOCK]);
-            for pixel in 0..BLOCK {
-                // 0 · ∞ must not arise.
-                distance[pixel] = if dx > reach {
-                    squared
+    fn weigh_row(&self, neighbour_y: usize, reach: usize) -> Sums {
+        let colours: [&[f32]; 6] =
+            std::array::from_fn(|plane| self.neighbours(reach, neighbour_y, plane));
+        let features: [&[f32]; MOST_CHANNELS] = std::array::from_fn(|channel| {
+            if channel < self.channels {
+                self.neighbours(reach, neighbour_y, FIRST_FEATURE + channel)
+            } else {
+                &[]
+            }
+        });
+        let centre = Colours {
+            mean: std::array::from_fn(|channel| self.stack.pixels(self.y, channel, self.x)),
+            variance: self.variance.0.each_ref(),
+        };
+        let mut sums = Sums::default();
+        for first in (0..2 * reach + 1).step_by(TOGETHER) {
+            let mut distances = self.spatial(first, reach, neighbour_y.abs_diff(self.y));
+            let mut channel = 0;
+            for group in &self.stack.groups {
+                if group.channels == 3 {
+                    self.add_group::<3>(&mut distances, &features, first, channel);
                 } else {
-                    self.spatial_lambda[pixel] * squared + border[pixel]
+                    self.add_group::<1>(&mut distances, &features, first, channel);
+                }
+                channel += group.channels;
+            }
+            for (pair, distances) in distances.0.as_chunks::<PAIR>().0.iter().enumerate() {
+                if count_near(distances) == 0 {
+                    continue;
+                }
+                let window = |plane: usize| {
+                    first_of::<{ BLOCK + PAIR - 1 }>(&colours[plane][first + PAIR * pair..])
                 };
+                let neighbours = Colours {
+                    mean: std::array::from_fn(window),
+                    variance: std::array::from_fn(|plane| window(3 + plane)),
+                };
+                add_weights(&mut sums, distances, &neighbours, &centre, self.colour_lambda);
             }
         }
+        sums
     }
 
-    /// Adds the distances of one feature group to the pixels of a row.
     #[inline(always)]
     fn add_group<const CHANNELS: usize>(
         &self,
-        distances: &mut [Row],
-        reach: usize,
-        neighbour_y: usize,
-        (group, scales): (&Group, &[Row]),
+        distances: &mut Aligned<[Row; TOGETHER]>,
+        features: &[&[f32]; MOST_CHANNELS],
+        first: usize,
+        channel: usize,
     ) {
-        let centre: [&Row; CHANNELS] = std::array::from_fn(|channel| {
-            self.stack.pixels(self.y, group.mean_plane + channel, self.x)
+        let neighbours = std::array::from_fn(|own| {
+            first_of::<{ BLOCK + TOGETHER - 1 }>(&features[channel + own][first..])
         });
-        let scales: [&Row; CHANNELS] = std::array::from_fn(|channel| &scales[channel]);
-        let neighbours: [&[f32]; CHANNELS] = std::array::from_fn(|channel| {
-            self.neighbours(reach, neighbour_y, group.mean_plane + channel)
-        });
-        for (step, distances) in distances.as_chunks_mut::<TOGETHER>().0.iter_mut().enumerate() {
-            let window =
-                neighbours.map(|row| first::<{ BLOCK + TOGETHER - 1 }>(&row[step * TOGETHER..]));
-            add_squares(distances, window, centre, scales);
-        }
+        let centre: [&Row; CHANNELS] = std::array::from_fn(|own| &self.centre.0[channel + own]);
+        let scales: [&Row; CHANNELS] = std::array::from_fn(|own| &self.scales.0[channel + own]);
+        add_squares(&mut distances.0, neighbours, centre, scales);
     }
 
-    /// Adds the colour distance, and sums the weights and the weighted colours of a row.
+    /// The spatial term of the offsets from column `first` of the window on.
     #[inline(always)]
-    fn weigh(&self, distances: &[Row], reach: usize, neighbour_y: usize) -> Sums {
-        const PAIR: usize = 2;
-        let planes: [&[f32]; 6] =
-            std::array::from_fn(|plane| self.neighbours(reach, neighbour_y, plane));
-        let centre = Colours {
-            mean: std::array::from_fn(|channel| self.stack.pixels(self.y, channel, self.x)),
-            variance: self.variance.each_ref(),
-        };
-        let mut sums = Sums::default();
-        for (step, distances) in distances.as_chunks::<PAIR>().0.iter().enumerate() {
-            if count_near(distances) == 0 {
-                continue;
+    fn spatial(&self, first: usize, reach: usize, dy: usize) -> Aligned<[Row; TOGETHER]> {
+        let border = &self.border.0[LARGEST_RADIUS - reach + first..];
+        let border: &[Row; TOGETHER] = border.first_chunk().expect("the border is padded");
+        let squared: [f32; TOGETHER] = std::array::from_fn(|tap| {
+            let dx = (first + tap).abs_diff(reach);
+            // Offsets beyond the window are those that fill up to a multiple.
+            if dx > reach { f32::INFINITY } else { (dx * dx + dy * dy) as f32 }
+        });
+        let mut distances = Aligned([[0.0; BLOCK]; TOGETHER]);
+        for pixel in 0..BLOCK {
+            for tap in 0..TOGETHER {
+                distances.0[tap][pixel] =
+                    self.spatial_lambda.0[pixel] * squared[tap] + border[tap][pixel];
             }
-            let window =
-                |plane: usize| first::<{ BLOCK + PAIR - 1 }>(&planes[plane][step * PAIR..]);
-            let neighbours = Colours {
-                mean: std::array::from_fn(window),
-                variance: std::array::from_fn(|plane| window(3 + plane)),
-            };
-            add_weights(&mut sums, distances, &neighbours, &centre, self.colour_lambda);
         }
-        sums
+        distances
     }
 
     /// The pixels of a row that the offsets reach.
@@ -325,7 +354,7 @@ fn add_squares<const CHANNELS: usize>(
 
 /// How many pixels at two offsets are not too far to weigh. A count, because that vectorises where a search does not.
 #[inline(always)]
-fn count_near(distances: &[Row; 2]) -> u32 {
+fn count_near(distances: &[Row; PAIR]) -> u32 {
     let mut near = 0;
     for distance in distances.as_flattened() {
         near += u32::from(*distance <= FARTHEST);
@@ -341,13 +370,13 @@ fn count_near(distances: &[Row; 2]) -> u32 {
 )]
 fn add_weights(
     sums: &mut Sums,
-    distances: &[Row; 2],
-    neighbours: &Colours<'_, { BLOCK + 1 }>,
+    distances: &[Row; PAIR],
+    neighbours: &Colours<'_, { BLOCK + PAIR - 1 }>,
     centre: &Colours<'_, BLOCK>,
     lambda: f32,
 ) {
     for pixel in 0..BLOCK {
-        for tap in 0..2 {
+        for tap in 0..PAIR {
             let mut distance = distances[tap][pixel];
             for channel in 0..3 {
                 let difference =

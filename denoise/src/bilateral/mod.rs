@@ -1,65 +1,34 @@
-//! Cross-bilateral filtering guided by features (Kalantari, Bako and Sen 2015, "A Machine Learning Approach for
-//! Filtering Monte Carlo Noise"), here with constant parameters or one set for each pixel.
+//! Cross-bilateral filtering guided by features, its parameters learned (Kalantari, Bako and Sen 2015, "A Machine Learning
+//! Approach for Filtering Monte Carlo Noise").
 //!
-//! In order: sanitise, prepare the variances, prefilter the features, take the spikes out of the colour variance, filter,
-//! take the spikes out of the result. A group of features that the picture has not is left out.
+//! In order: sanitise, prepare the variances, prefilter the features, see what the surroundings of each pixel look like and
+//! let the network choose its parameters, take the spikes out of the colour variance, filter, take the spikes out of the
+//! result. A group of features that the picture has not is left out.
 
+mod detail;
 mod features;
 mod filter;
+mod mlp;
+mod parameters;
 mod prefilter;
+mod secondary;
 mod spikes;
 mod stack;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 pub use features::GROUPS;
+use filter::{Multipliers, Settings};
+pub use mlp::Network;
+use ndarray::s;
+pub use parameters::{Lambda, Parameters};
 use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::layers::{Image, Layer, LayerKind, Layers};
 use crate::sanitize::{Sanitised, sanitise};
+use crate::simd::vectorise;
 use crate::variance;
-
-/// The six multipliers λ₀ (pixel distance) and λ₁ to λ₅ (the [`GROUPS`]): larger is sharper, 0 ignores the term.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Lambda {
-    /// The same for all pixels.
-    Constant([f32; 6]),
-    /// One set for each pixel, `[6, height, width]`.
-    PerPixel(Image),
-}
-
-/// What the filter can be told.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Parameters {
-    /// Multipliers of the pixel distance and of the features.
-    pub lambda: Lambda,
-    /// Multiplier `λ_c` of the colour distance. The paper's filter has 0.01 fixed (a standard deviation of 7).
-    pub colour: f32,
-    /// Radius of the window, at most 27 (55×55 pixels). Smaller is faster and leaves slow noise.
-    pub window_radius: usize,
-    /// How many standard deviations of its 55×55 neighbourhood a colour variance may be off before it is replaced by the
-    /// 3×3 median; `None` keeps all. Without it a firefly's variance accepts every neighbour.
-    pub variance_spikes: Option<f32>,
-    /// How many standard deviations of its 8 neighbours a filtered pixel may be off before it is replaced by the 3×3
-    /// median; `None` keeps all. Smaller than 2 eats fine texture.
-    pub result_spikes: Option<f32>,
-}
-
-/// Constant parameters found by `examples/grid_search.rs` on our own scenes at 8 and 64 samples per pixel; what they do on
-/// each is in `models/README.md`. The colour term is stronger than the paper's and keeps edges that features do not show,
-/// so that position and normal are left with nothing to add; where noise leaves it weak, the narrow spatial term holds.
-impl Default for Parameters {
-    fn default() -> Self {
-        Self {
-            lambda: Lambda::Constant([0.16, 0.0, 0.0, 0.025, 0.003, 0.07]),
-            colour: 0.2,
-            window_radius: filter::LARGEST_RADIUS,
-            variance_spikes: Some(10.0),
-            result_spikes: Some(2.0),
-        }
-    }
-}
 
 /// What was done to the layers and to the result, beside filtering.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -96,7 +65,7 @@ pub fn denoise(
     parameters: &Parameters,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Denoised, Error> {
-    parameters.check()?;
+    parameters.check(layers.height, layers.width)?;
     Prepared::new(layers)?.filter(parameters, progress)
 }
 
@@ -106,6 +75,7 @@ pub struct Prepared {
     colour: Image,
     colour_variance: Image,
     features: Vec<features::Feature>,
+    secondary: secondary::Secondary,
     report: Report,
 }
 
@@ -137,6 +107,7 @@ impl Prepared {
         let sanitised = sanitise(&mut used);
         let spatial_variance = variance::complete(&mut used);
         let features = features::features(&used);
+        let secondary = secondary::Secondary::new(&features, used.samples.as_ref());
         let features: Vec<_> = features.par_iter().map(prefilter::prefilter).collect();
         let beauty = used.layers.remove(&LayerKind::Beauty);
         let (colour, colour_variance) = beauty
@@ -144,7 +115,43 @@ impl Prepared {
             .ok_or_else(|| layers.missing(LayerKind::Beauty))?;
         let groups = features.iter().map(|feature| GROUPS[feature.group]).collect();
         let report = Report { sanitised, spatial_variance, groups, ..Default::default() };
-        Ok(Self { colour, colour_variance, features, report })
+        Ok(Self { colour, colour_variance, features, secondary, report })
+    }
+
+    /// The parameters that `network` chooses for each pixel, `[6, height, width]`.
+    pub fn lambda(&self, network: &Network) -> Image {
+        let (_, height, width) = self.colour.dim();
+        let present = self.secondary.present(&self.features);
+        let mut rows = vec![0.0; height * mlp::OUTPUTS * width];
+        rows.par_chunks_mut(mlp::OUTPUTS * width).enumerate().for_each(|(y, out)| {
+            let features = &mut self.secondary.row(&self.features, y, width);
+            vectorise(mlp::RowOfPixels { network, features, present: &present, out });
+        });
+        image_of_rows(rows, (mlp::OUTPUTS, height, width))
+    }
+
+    /// All that a trainer needs, the channels as [`example_channels`] names them; 0 where the picture has no such group.
+    /// The variances of the colour are without their spikes, as [`Parameters::constant`] removes them.
+    pub fn example(&self) -> Image {
+        let (_, height, width) = self.colour.dim();
+        let mut variance = self.colour_variance.clone();
+        if let Some(threshold) = Parameters::constant().variance_spikes {
+            spikes::remove_spikes(&mut variance, VARIANCE_SPIKE_RADIUS, threshold);
+        }
+        let mut rows = Vec::new();
+        for y in 0..height {
+            let mut add = |image: &Image| rows.extend(image.slice(s![.., y, ..]).iter().copied());
+            add(&self.colour);
+            add(&variance);
+            for (group, kind) in GROUPS.into_iter().enumerate() {
+                let missing = Image::zeros((kind.components().len(), height, width));
+                let feature = self.features.iter().find(|feature| feature.group == group);
+                add(feature.map_or(&missing, |feature| &feature.mean));
+                add(feature.map_or(&missing, |feature| &feature.variance));
+            }
+            rows.extend(self.secondary.row(&self.features, y, width));
+        }
+        image_of_rows(rows, (example_channels().len(), height, width))
     }
 
     /// Filters with `parameters`; `progress` hears the part that is done, in `[0, 1]`, from any thread.
@@ -156,18 +163,19 @@ impl Prepared {
         parameters: &Parameters,
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<Denoised, Error> {
-        parameters.check()?;
         let (_, height, width) = self.colour.dim();
-        if let Lambda::PerPixel(image) = &parameters.lambda
-            && image.dim() != (6, height, width)
-        {
-            let found = image.dim().into();
-            return Err(Error::Shape {
-                what: "lambda".into(),
-                found,
-                expected: [6, height, width],
-            });
-        }
+        parameters.check(height, width)?;
+        let learned;
+        let lambda = match &parameters.lambda {
+            Lambda::Learned => {
+                learned = self.lambda(Network::embedded());
+                Multipliers::PerPixel(&learned)
+            }
+            Lambda::Constant(values) => Multipliers::Constant(*values),
+            Lambda::PerPixel(image) => Multipliers::PerPixel(image),
+        };
+        let settings =
+            Settings { lambda, colour: parameters.colour, radius: parameters.window_radius };
 
         let mut report = self.report.clone();
         let mut variance = self.colour_variance.clone();
@@ -177,7 +185,7 @@ impl Prepared {
         }
         let stack = stack::Stack::new(&self.colour, &variance, &self.features);
         let rows_done = AtomicUsize::new(0);
-        let mut image = stack.filter(parameters, &|| {
+        let mut image = stack.filter(&settings, &|| {
             let rows = rows_done.fetch_add(1, Ordering::Relaxed) + 1;
             progress(rows as f32 / height as f32);
         });
@@ -190,38 +198,6 @@ impl Prepared {
 
 /// Radius of the neighbourhood that tells whether a colour variance is a spike (METHODS 9.2).
 const VARIANCE_SPIKE_RADIUS: usize = 27;
-
-impl Parameters {
-    fn check(&self) -> Result<(), Error> {
-        let positive = |name: &str, value: f32| {
-            if value >= 0.0 && value.is_finite() {
-                return Ok(());
-            }
-            Err(Error::Parameter {
-                name: name.into(),
-                value: value.to_string(),
-                expected: "a finite number, 0 or more",
-            })
-        };
-        match &self.lambda {
-            Lambda::Constant(values) => {
-                values.iter().try_for_each(|&value| positive("lambda", value))?;
-            }
-            Lambda::PerPixel(image) => {
-                image.iter().try_for_each(|&value| positive("lambda", value))?;
-            }
-        }
-        positive("lambda of the colour", self.colour)?;
-        for threshold in [self.variance_spikes, self.result_spikes].into_iter().flatten() {
-            positive("threshold of the spikes", threshold)?;
-        }
-        if self.window_radius <= filter::LARGEST_RADIUS {
-            return Ok(());
-        }
-        let (name, value) = ("radius of the window".into(), self.window_radius.to_string());
-        Err(Error::Parameter { name, value, expected: "at most 27" })
-    }
-}
 
 /// The beauty layer, or the sum of its parts: their halves add up, their variances do not where they are correlated, so
 /// that the halves alone tell the variance of a sum.
@@ -240,6 +216,31 @@ fn beauty(layers: &Layers) -> Result<Layer, Error> {
         }
         (None, None) => Err(layers.missing(LayerKind::Beauty)),
     }
+}
+
+/// Names of the channels of [`Prepared::example`]: colour, its variance, mean and variance of each of the [`GROUPS`], and
+/// the 36 secondary features.
+pub fn example_channels() -> Vec<String> {
+    let channels = |prefix: String, kind: LayerKind| {
+        kind.components().iter().map(move |component| format!("{prefix}.{component}"))
+    };
+    [LayerKind::Beauty]
+        .into_iter()
+        .chain(GROUPS)
+        .flat_map(|kind| {
+            let name = kind.name();
+            channels(name.into(), kind).chain(channels(format!("{name}.variance"), kind))
+        })
+        .chain(secondary::names())
+        .collect()
+}
+
+/// An image whose channels lie one after the other in each row.
+fn image_of_rows(rows: Vec<f32>, (channels, height, width): (usize, usize, usize)) -> Image {
+    let mut image = Image::from_shape_vec((height, channels, width), rows)
+        .expect("one row of each channel for each row");
+    image.swap_axes(0, 1);
+    image.as_standard_layout().into_owned()
 }
 
 #[cfg(test)]

@@ -300,16 +300,19 @@ fn inverse_count(valid: &Range<usize>, centre: usize, radius: usize) -> f32 {
         as f32
 }
 
-/// Sums over `R` columns to both sides; the outermost `R` columns stay 0.
+/// Sums over `R` columns to both sides, those beyond the row left out.
 #[inline(always)]
 fn sum_columns<const R: usize>(row: &Row) -> Row {
+    // Room on both sides makes the loop as long as the row, a whole number of vectors.
+    let mut padded = [0.0; SIDE + 2 * PATCH];
+    padded[R..R + SIDE].copy_from_slice(row);
     let mut sums = [0.0; SIDE];
-    for column in 0..SIDE - 2 * R {
-        let mut sum = row[column];
+    for column in 0..SIDE {
+        let mut sum = padded[column];
         for tap in 1..=2 * R {
-            sum += row[column + tap];
+            sum += padded[column + tap];
         }
-        sums[column + R] = sum;
+        sums[column] = sum;
     }
     sums
 }

@@ -8,6 +8,9 @@ use super::filter::{BLOCK, LARGEST_RADIUS, Row, TAPS};
 use crate::layers::Image;
 use crate::window::{fold, plane};
 
+/// Plane of the first channel of the features' means.
+pub(super) const FIRST_FEATURE: usize = 6;
+
 /// Colour, its variance and the features: the rows of all planes lie one after the other, padded on both sides so that
 /// the window of a block can be read without asking where the border is.
 #[derive(Debug)]
@@ -28,7 +31,6 @@ pub(super) struct Group {
     /// Which λ it has, 1 to 5.
     pub(super) lambda: usize,
     pub(super) channels: usize,
-    pub(super) mean_plane: usize,
     pub(super) variance_plane: usize,
 }
 
@@ -42,14 +44,9 @@ impl Stack {
         let mut groups = Vec::new();
         let channels: usize = features.iter().map(|feature| feature.mean.dim().0).sum();
         for feature in features {
-            let mean_plane = sources.len();
+            let variance_plane = sources.len() + channels;
             let own = feature.mean.dim().0;
-            groups.push(Group {
-                lambda: feature.group + 1,
-                channels: own,
-                mean_plane,
-                variance_plane: mean_plane + channels,
-            });
+            groups.push(Group { lambda: feature.group + 1, channels: own, variance_plane });
             sources.extend((0..own).map(|channel| (&feature.mean, channel)));
         }
         for feature in features {

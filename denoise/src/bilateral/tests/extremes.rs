@@ -14,7 +14,7 @@ fn nan_infinite_and_negative_buffers_give_a_finite_picture_and_a_count() {
     }
     layers.layers.get_mut(&LayerKind::Normal).unwrap().variance.as_mut().unwrap()[[1, 0, 0]] = -1.0;
     layers.layers.get_mut(&LayerKind::Beauty).unwrap().halves = None;
-    let denoised = denoise(&layers, &Parameters::default(), &|_| ()).unwrap();
+    let denoised = denoise(&layers, &Parameters::constant(), &|_| ()).unwrap();
     assert!(denoised.image.iter().all(|value| value.is_finite()));
     // The noise has a third of its variances below 0.005, none of them negative.
     assert_eq!(
@@ -26,14 +26,14 @@ fn nan_infinite_and_negative_buffers_give_a_finite_picture_and_a_count() {
 #[test]
 fn a_picture_of_nothing_but_nan_is_black() {
     let layers = beauty_only(Image::from_elem((3, 5, 6), f32::NAN), f32::NAN);
-    assert!(run(&layers, &Parameters::default()).iter().all(|&value| value == 0.0));
+    assert!(run(&layers, &Parameters::constant()).iter().all(|&value| value == 0.0));
 }
 
 #[test]
 fn the_smallest_pictures_are_filtered() {
     for (width, height) in [(1, 1), (1, 9), (40, 1), (2, 2)] {
         let layers = noisy_layers(width, height, 3);
-        let denoised = denoise(&layers, &Parameters::default(), &|_| ()).unwrap();
+        let denoised = denoise(&layers, &Parameters::constant(), &|_| ()).unwrap();
         assert_eq!(denoised.image.dim(), (3, height, width));
         assert!(denoised.image.iter().all(|value| value.is_finite()), "{width}x{height}");
         if width * height == 1 {
@@ -45,7 +45,10 @@ fn the_smallest_pictures_are_filtered() {
         width: 4,
         ..Default::default()
     };
-    assert!(matches!(denoise(&nothing, &Parameters::default(), &|_| ()), Err(Error::Shape { .. })));
+    assert!(matches!(
+        denoise(&nothing, &Parameters::constant(), &|_| ()),
+        Err(Error::Shape { .. })
+    ));
 }
 
 #[test]
@@ -59,7 +62,7 @@ fn a_finite_firefly_of_1e30_stays_finite_and_alone() {
         beauty.mean[[channel, 32, 32]] = 1e30;
         beauty.variance.as_mut().unwrap()[[channel, 32, 32]] = f32::MAX;
     }
-    let denoised = denoise(&layers, &Parameters::default(), &|_| ()).unwrap();
+    let denoised = denoise(&layers, &Parameters::constant(), &|_| ()).unwrap();
     // The spikes of variance and of the result remove it; without its variance nobody else accepts its light.
     assert!(denoised.image.iter().all(|value| value.abs() < 2.0), "{:?}", denoised.report);
     let plain = plain([0.01; 6]);
@@ -73,7 +76,7 @@ fn one_sample_a_pixel_takes_the_variance_of_the_neighbours_and_says_so() {
         (layer.variance, layer.halves) = (None, None);
     }
     layers.samples = Some(Image::from_elem((1, 16, 20), 1.0));
-    let denoised = denoise(&layers, &Parameters::default(), &|_| ()).unwrap();
+    let denoised = denoise(&layers, &Parameters::constant(), &|_| ()).unwrap();
     assert_eq!(denoised.report.spatial_variance.len(), 6);
     assert!(denoised.image.iter().all(|value| value.is_finite()));
 }
@@ -89,7 +92,7 @@ fn constant_features_are_no_features() {
         (layer.variance, layer.halves) = (Some(Image::zeros(layer.mean.dim())), None);
         missing.layers.remove(&kind);
     }
-    let parameters = Parameters::default();
+    let parameters = Parameters::constant();
     // Equal features have a distance of exactly 0 after a prefilter whose means round the same everywhere but at the
     // borders, where fewer numbers are added.
     assert_close(&run(&constant, &parameters), &run(&missing, &parameters), 1e-6);

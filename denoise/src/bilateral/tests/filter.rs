@@ -12,6 +12,7 @@ fn naive_filter(prepared: &Prepared, parameters: &Parameters) -> Image {
         |image: &Image, channel: usize, (y, x): (usize, usize)| f64::from(image[[channel, y, x]]);
     Image::from_shape_fn(colour.dim(), |(channel, y, x)| {
         let lambda = |index: usize| match &parameters.lambda {
+            Lambda::Learned => unreachable!(),
             Lambda::Constant(values) => f64::from(values[index]),
             Lambda::PerPixel(image) => value(image, index, (y, x)),
         };
@@ -131,7 +132,7 @@ fn a_constant_image_stays_exactly_constant() {
         let mut layers = noisy_layers(65, 12, 9);
         let beauty = layers.layers.get_mut(&LayerKind::Beauty).unwrap();
         beauty.mean.fill(value);
-        let image = run(&layers, &Parameters::default());
+        let image = run(&layers, &Parameters::constant());
         assert!(image.iter().all(|&pixel| pixel == value), "{value}");
     }
 }
@@ -235,7 +236,7 @@ fn vectors_of_every_width_give_the_same_bits() {
     let layers = noisy_layers(70, 12, 6);
     let prepared = Prepared::new(&layers).unwrap();
     let stack = Stack::new(&prepared.colour, &prepared.colour_variance, &prepared.features);
-    let parameters = plain([0.01; 6]);
-    let vectors = stack.filter(&parameters, &|| ());
-    assert_eq!(stack.filter_portably(&parameters), vectors);
+    let settings = Settings { lambda: Multipliers::Constant([0.01; 6]), colour: 0.2, radius: 27 };
+    let vectors = stack.filter(&settings, &|| ());
+    assert_eq!(stack.filter_portably(&settings), vectors);
 }

@@ -2,7 +2,9 @@
 
 mod extremes;
 mod filter;
+mod fixture;
 mod prefilter;
+mod secondary;
 mod whole;
 
 use super::*;
@@ -41,7 +43,7 @@ fn plain(lambda: [f32; 6]) -> Parameters {
         lambda: Lambda::Constant(lambda),
         variance_spikes: None,
         result_spikes: None,
-        ..Default::default()
+        ..Parameters::constant()
     }
 }
 

@@ -17,7 +17,7 @@ fn the_filter_takes_noise_and_leaves_what_the_features_show() {
     let wide = Parameters {
         lambda: Lambda::Constant([0.01, 0.1, 0.1, 0.1, 0.1, 0.1]),
         colour: 0.01,
-        ..Parameters::default()
+        ..Parameters::constant()
     };
     let denoised = denoise(&layers, &wide, &|_| ()).unwrap();
     assert_eq!(denoised.report.groups, [LayerKind::Albedo]);
@@ -32,7 +32,7 @@ fn the_filter_takes_noise_and_leaves_what_the_features_show() {
 #[test]
 fn progress_ends_at_one() {
     let heard = std::sync::Mutex::new(Vec::new());
-    denoise(&noisy_layers(9, 8, 1), &Parameters::default(), &|part| {
+    denoise(&noisy_layers(9, 8, 1), &Parameters::constant(), &|part| {
         heard.lock().unwrap().push(part);
     })
     .unwrap();
@@ -46,7 +46,7 @@ fn the_parts_make_a_beauty_where_there_is_none() {
     let mut layers = noisy_layers(12, 10, 1);
     let beauty = layers.layers.remove(&LayerKind::Beauty).unwrap();
     assert!(matches!(
-        denoise(&layers, &Parameters::default(), &|_| ()),
+        denoise(&layers, &Parameters::constant(), &|_| ()),
         Err(Error::MissingLayer { .. })
     ));
     let half = |layer: &Layer| Layer { mean: &layer.mean * 0.5, variance: None, halves: None };
