@@ -179,7 +179,38 @@ pub(super) struct Dataset {
 }
 
 #[derive(Debug, Subcommand)]
-pub(super) enum DatasetVerb {}
+pub(super) enum DatasetVerb {
+    /// Put the shards of several machines together
+    Merge {
+        /// Data set to make or to add to
+        #[arg(value_name = "OUT")]
+        output: PathBuf,
+        /// Data sets of the same settings
+        #[arg(required = true, value_name = "DIR")]
+        inputs: Vec<PathBuf>,
+    },
+    /// Write the files that the training tools of Open Image Denoise read, into OUT/train and OUT/valid
+    Export {
+        /// Data set
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+        /// Folder to make
+        #[arg(value_name = "OUT")]
+        output: PathBuf,
+    },
+    /// Show many views on one picture: of each a noisy render and the reference
+    Sheet {
+        /// Data set
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+        /// PNG to write
+        #[arg(short, long, value_name = "FILE.png", default_value = "sheet.png")]
+        output: PathBuf,
+        /// Most views shown, evenly spread over all
+        #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..))]
+        views: u16,
+    },
+}
 
 #[derive(Args, Debug)]
 pub(super) struct Inspect {

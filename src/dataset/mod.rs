@@ -7,10 +7,13 @@
 //! Views are numbered, and everything random about view `k` comes from the base seed and `k`: any machine can make any
 //! view, and a [`Shard`] of the views on each of several machines gives the same bits as one machine.
 
+pub mod contact_sheet;
+pub mod export;
 mod exposure;
 pub mod generator;
 mod make;
 pub mod manifest;
+pub mod merge;
 mod pairs;
 mod seed;
 mod sha256;

@@ -1,6 +1,7 @@
 //! One view: its scene, its window, its noisy renders and its reference.
 
 use super::exposure;
+use super::generator::generate;
 use super::make::Job;
 use super::manifest::{
     Identity, NoisyFile, ReferenceFile, RenderedView, Settings, SkippedView, Source, Split, View,
@@ -8,7 +9,7 @@ use super::manifest::{
 use super::seed::{Dice, Purpose, ViewSeed};
 use super::{Error, at, sha256, variation};
 use crate::render::{RenderSettings, Rendered, Rendering, render};
-use crate::scene::Scene;
+use crate::scene::{LoadOptions, Scene};
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
 use quietlight_denoise::{Image, Layer, LayerKind, Layers};
@@ -28,10 +29,9 @@ const PILOT_SAMPLES: u32 = 4;
 const MOST_ATTEMPTS: u32 = 16;
 
 /// A scene with what is known of it.
-pub(super) struct Candidate {
-    pub(super) scene: Scene,
-    pub(super) source: Source,
-    pub(super) tags: Vec<String>,
+struct Candidate {
+    scene: Scene,
+    tags: Vec<String>,
 }
 
 /// Why there is no candidate.
@@ -67,7 +67,7 @@ pub(super) fn make_view(job: &Job, number: u32, stop: &AtomicBool) -> Result<Opt
         let split = Split::of(&scene_key);
         let identity =
             Identity { id: id.clone(), source: source.clone(), scene_key, split, attempts };
-        let refusal = match candidate(job, &id, source, seed) {
+        let refusal = match candidate(job, &id, &source, seed) {
             Ok(candidate) => match try_view(job, &folder, candidate, &identity, seed, stop)? {
                 Tried::Rendered(mut view) => {
                     view.seconds = start.elapsed().as_secs_f64();
@@ -105,17 +105,35 @@ fn source(settings: &Settings, number: u32, seed: ViewSeed) -> Source {
 }
 
 /// The scene of a source.
-fn candidate(job: &Job, id: &str, source: Source, seed: ViewSeed) -> Result<Candidate, Refusal> {
-    let _ = id;
-    match &source {
-        Source::Generated { .. } => Err(Refusal::Broken("no generator".to_owned())),
+fn candidate(job: &Job, id: &str, source: &Source, seed: ViewSeed) -> Result<Candidate, Refusal> {
+    match source {
+        Source::Generated { generated } => {
+            let broken = |error: &dyn std::fmt::Display| Refusal::Broken(error.to_string());
+            // Not kept unless asked for: it goes away with `temporary`.
+            let temporary = tempfile::tempdir().map_err(|error| broken(&error))?;
+            let folder = match job.keep_scenes {
+                true => job.folder.join("scenes").join(id),
+                false => temporary.path().to_path_buf(),
+            };
+            let generated = generate(*generated, &folder).map_err(|error| broken(&error))?;
+            let size = large_enough(generated.film, job.settings.crop);
+            let options = LoadOptions { size, ..LoadOptions::default() };
+            let scene = Scene::load(&generated.scene, &options).map_err(|error| broken(&error))?;
+            Ok(Candidate { scene, tags: generated.tags })
+        }
         Source::File { file, variation } => {
-            let mut dice = Dice::new(seed.derive(Purpose::Film));
-            let film = film(job.settings.crop, &mut dice);
+            let film = film(job.settings.crop, &mut Dice::new(seed.derive(Purpose::Film)));
             let scene = variation::vary(file, film, *variation)?;
-            Ok(Candidate { scene, source, tags: Vec::new() })
+            Ok(Candidate { scene, tags: Vec::new() })
         }
     }
+}
+
+/// Another size for a film that is smaller than the crop window, of the same format.
+fn large_enough(film: [u32; 2], crop: u32) -> Option<(u32, u32)> {
+    let short = film[0].min(film[1]);
+    let scaled = |side: u32| (u64::from(side) * u64::from(crop)).div_ceil(u64::from(short)) as u32;
+    (short > 0 && short < crop).then(|| (scaled(film[0]), scaled(film[1])))
 }
 
 /// Width and height of a film about twice as long as the crop window, in a format from square to 16:9, sometimes upright.
@@ -143,7 +161,7 @@ fn try_view(
     seed: ViewSeed,
     stop: &AtomicBool,
 ) -> Result<Tried, Error> {
-    let Candidate { mut scene, tags, .. } = candidate;
+    let Candidate { mut scene, tags } = candidate;
     let settings = &job.settings;
     let mut dice = Dice::new(seed.derive(Purpose::Choices));
     scene.film.crop = window([scene.film.width, scene.film.height], settings.crop, &mut dice);
@@ -268,14 +286,18 @@ fn fault(layers: &Layers) -> Option<&'static str> {
     (is_even && is_flat(LayerKind::Albedo) && is_flat(LayerKind::Normal)).then_some("constant")
 }
 
-/// Largest standard deviation of any channel among the means of 8×8 blocks.
+/// Largest standard deviation of any channel among the means of about 8×8 blocks of the image, of any size: large enough
+/// that the noise of few samples averages out.
 fn spread(image: &Image) -> f64 {
-    const SIDE: usize = 8;
+    let (_, height, width) = image.dim();
+    let block = (height.div_ceil(8), width.div_ceil(8));
     let deviation = |plane: ndarray::ArrayView2<'_, f32>| {
         let means: Vec<f64> = plane
-            .exact_chunks((SIDE, SIDE))
+            .exact_chunks(block)
             .into_iter()
-            .map(|block| block.iter().map(|&value| f64::from(value)).sum::<f64>() / 64.0)
+            .map(|block| {
+                block.iter().map(|&value| f64::from(value)).sum::<f64>() / block.len() as f64
+            })
             .collect();
         let count = means.len().max(1) as f64;
         let mean = means.iter().sum::<f64>() / count;
@@ -293,18 +315,19 @@ fn write(
     identity: &Identity,
     settings: &RenderSettings,
 ) -> Result<String, Error> {
-    let facts = [
-        ("scene", identity.scene_key.clone()),
-        ("view", identity.id.clone()),
-        ("integrator", "path".to_owned()),
-        ("strategy", format!("{:?}", settings.integrator.strategy)),
-        ("sampler", format!("{:?}", settings.sampler)),
-        ("seed", settings.seed.to_string()),
-        ("samples", rendered.samples.to_string()),
-        ("invalid_samples", rendered.invalid_samples.to_string()),
-        ("version", env!("CARGO_PKG_VERSION").to_owned()),
-    ];
-    rendered.layers.metadata.extend(facts.map(|(name, value)| (name.to_owned(), value)));
+    // One attribute for all facts: the order of several in an EXR file is not the same from run to run.
+    let facts = format!(
+        "view {} of {}, path tracing, {:?}, {:?}, seed {}, {} samples, {} invalid, version {}",
+        identity.id,
+        identity.scene_key,
+        settings.integrator.strategy,
+        settings.sampler,
+        settings.seed,
+        rendered.samples,
+        rendered.invalid_samples,
+        env!("CARGO_PKG_VERSION"),
+    );
+    rendered.layers.metadata.insert("render".to_owned(), facts);
     let [left, top, ..] = scene.film.crop.map(|number| number as i32);
     let frame = Frame {
         offset: (left, top),

@@ -65,9 +65,9 @@ impl Form {
     pub(super) fn element(&self) -> Option<Element> {
         Some(match self {
             Self::Mesh(_) => return None,
-            Self::Sphere { center, radius } => Element::plugin("shape", "sphere")
-                .point("center", *center)
-                .float("radius", *radius),
+            Self::Sphere { center, radius } => {
+                Element::plugin("shape", "sphere").point("center", *center).float("radius", *radius)
+            }
             Self::Cylinder { start, end, radius } => Element::plugin("shape", "cylinder")
                 .point("p0", *start)
                 .point("p1", *end)

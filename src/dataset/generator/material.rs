@@ -52,22 +52,54 @@ impl Maker<'_> {
             RoughPlastic, ThinDielectric,
         };
         let kinds: &[(f64, Kind)] = match role {
-            Role::Wall => &[(84.0, Diffuse), (9.0, RoughPlastic), (4.0, Plastic), (2.0, Blend), (1.0, RoughConductor)],
-            Role::Ceiling => &[(95.0, Diffuse), (5.0, RoughPlastic)],
-            Role::Floor => &[(42.0, Diffuse), (26.0, RoughPlastic), (16.0, Plastic), (8.0, Blend), (6.0, RoughConductor), (2.0, Conductor)],
-            Role::Furniture => &[(45.0, Diffuse), (25.0, RoughPlastic), (12.0, Plastic), (10.0, RoughConductor), (5.0, Blend), (3.0, Conductor)],
-            Role::Thing(_) => &[
-                (22.0, Diffuse), (18.0, RoughPlastic), (10.0, Plastic), (15.0, RoughConductor), (6.0, Conductor),
-                (9.0, Dielectric), (5.0, RoughDielectric), (9.0, Blend), (2.0, ThinDielectric), (3.0, Mask),
+            Role::Wall => &[
+                (84.0, Diffuse),
+                (9.0, RoughPlastic),
+                (4.0, Plastic),
+                (2.0, Blend),
+                (1.0, RoughConductor),
             ],
-            Role::Sheet => &[(60.0, Diffuse), (15.0, RoughPlastic), (15.0, Mask), (10.0, RoughConductor)],
+            Role::Ceiling => &[(95.0, Diffuse), (5.0, RoughPlastic)],
+            Role::Floor => &[
+                (42.0, Diffuse),
+                (26.0, RoughPlastic),
+                (16.0, Plastic),
+                (8.0, Blend),
+                (6.0, RoughConductor),
+                (2.0, Conductor),
+            ],
+            Role::Furniture => &[
+                (45.0, Diffuse),
+                (25.0, RoughPlastic),
+                (12.0, Plastic),
+                (10.0, RoughConductor),
+                (5.0, Blend),
+                (3.0, Conductor),
+            ],
+            Role::Thing(_) => &[
+                (22.0, Diffuse),
+                (18.0, RoughPlastic),
+                (10.0, Plastic),
+                (15.0, RoughConductor),
+                (6.0, Conductor),
+                (9.0, Dielectric),
+                (5.0, RoughDielectric),
+                (9.0, Blend),
+                (2.0, ThinDielectric),
+                (3.0, Mask),
+            ],
+            Role::Sheet => {
+                &[(60.0, Diffuse), (15.0, RoughPlastic), (15.0, Mask), (10.0, RoughConductor)]
+            }
             Role::Leaf => &[(55.0, Diffuse), (30.0, RoughPlastic), (15.0, Mask)],
             Role::Metal => &[(70.0, RoughConductor), (15.0, Conductor), (15.0, RoughPlastic)],
             Role::Glass => &[(85.0, Dielectric), (15.0, RoughDielectric)],
             Role::Pane => &[(1.0, ThinDielectric)],
             Role::Water => &[(1.0, Dielectric)],
             Role::Mirror => &[(1.0, Conductor)],
-            Role::Plate(_) => &[(70.0, RoughConductor), (15.0, RoughPlastic), (8.0, Conductor), (7.0, Plastic)],
+            Role::Plate(_) => {
+                &[(70.0, RoughConductor), (15.0, RoughPlastic), (8.0, Conductor), (7.0, Plastic)]
+            }
             Role::Picture(_) => &[(65.0, Diffuse), (20.0, RoughPlastic), (15.0, Plastic)],
         };
         let kind = self.random.weighted(kinds);
@@ -81,7 +113,13 @@ impl Maker<'_> {
             }
             Kind::Mask => return self.mask(role),
             Kind::Blend => {
-                let opaque = [Kind::Diffuse, Kind::RoughPlastic, Kind::RoughConductor, Kind::Plastic, Kind::Conductor];
+                let opaque = [
+                    Kind::Diffuse,
+                    Kind::RoughPlastic,
+                    Kind::RoughConductor,
+                    Kind::Plastic,
+                    Kind::Conductor,
+                ];
                 let (first, second) = (self.random.pick(&opaque[..3]), self.random.pick(&opaque));
                 let (first, second) = (self.opaque(first, role)?, self.opaque(second, role)?);
                 self.stage.tag("blend");
@@ -95,7 +133,11 @@ impl Maker<'_> {
             }
             _ => self.opaque(kind, role)?,
         };
-        let element = if self.random.chance(relief_share(role)) { self.relief(element, role)? } else { element };
+        let element = if self.random.chance(relief_share(role)) {
+            self.relief(element, role)?
+        } else {
+            element
+        };
         Ok(two_sided(element))
     }
 
@@ -104,7 +146,8 @@ impl Maker<'_> {
         Ok(match kind {
             Kind::Plastic | Kind::RoughPlastic => {
                 let base = self.colour(role, "diffuse_reflectance")?;
-                let ior = if self.random.chance(0.7) { 1.49 } else { self.random.uniform(1.3, 1.9) };
+                let ior =
+                    if self.random.chance(0.7) { 1.49 } else { self.random.uniform(1.3, 1.9) };
                 let is_nonlinear = self.random.chance(0.5);
                 let name = if kind == Kind::Plastic { "plastic" } else { "roughplastic" };
                 self.stage.tag(name);
@@ -204,8 +247,13 @@ impl Maker<'_> {
         self.stage.tag("mask");
         let mask = Element::plugin("bsdf", "mask");
         let mask = if role != Role::Leaf && self.random.chance(0.7) {
-            let patterns =
-                [Pattern::Spots, Pattern::Stripes, Pattern::Checks, Pattern::Cells, Pattern::Fractal];
+            let patterns = [
+                Pattern::Spots,
+                Pattern::Stripes,
+                Pattern::Checks,
+                Pattern::Cells,
+                Pattern::Fractal,
+            ];
             let pattern = self.random.pick(&patterns);
             mask.child(self.numbers_of(pattern, Look::of_role(role), "opacity", [0.0, 1.0])?)
         } else {

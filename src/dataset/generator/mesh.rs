@@ -135,9 +135,9 @@ impl Mesh {
 
     /// The smallest box around it.
     pub(super) fn bounds(&self) -> (DVec3, DVec3) {
-        self.positions
-            .iter()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)))
+        self.positions.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
+            (low.min(p), high.max(p))
+        })
     }
 
     /// Writes the mesh as a binary PLY file.

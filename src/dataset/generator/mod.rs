@@ -153,9 +153,9 @@ fn choose_view(scene: &Scene, stage: &Stage, random: &mut Random) -> View {
 fn remove_files(folder: &Path) -> Result<(), Error> {
     for entry in folder.read_dir().map_err(|source| Error::io(folder, source))? {
         let path = entry.map_err(|source| Error::io(folder, source))?.path();
-        let is_ours = path
-            .extension()
-            .is_some_and(|extension| ["png", "ply", "exr", "xml"].iter().any(|ours| extension == *ours));
+        let is_ours = path.extension().is_some_and(|extension| {
+            ["png", "ply", "exr", "xml"].iter().any(|ours| extension == *ours)
+        });
         if is_ours {
             std::fs::remove_file(&path).map_err(|source| Error::io(&path, source))?;
         }

@@ -90,7 +90,10 @@ impl Set<'_> {
         let last = profile.len() - 1;
         let mesh = super::mesh::Mesh::grid(1, last, |u, v| {
             let p = profile[(v * last as f64).round() as usize];
-            (DVec3::new((2.0 * u - 1.0) * width, p.y, p.x), DVec2::new(u * 2.0 * width, v * 9.0 * r))
+            (
+                DVec3::new((2.0 * u - 1.0) * width, p.y, p.x),
+                DVec2::new(u * 2.0 * width, v * 9.0 * r),
+            )
         });
         let role = if self.random.chance(0.6) { Role::Wall } else { Role::Floor };
         self.stage.place(&Object::of(role, Form::Mesh(mesh)), self.random)?;
@@ -109,7 +112,8 @@ impl Set<'_> {
             let share = 1.0 - 0.3333 * f64::from(step);
             let half = r * (1.2 + 0.25 * (1.0 - share) * 3.0);
             let low = DVec3::new(-half, 0.0, -half);
-            object.add_mesh(Role::Floor, &solid::cuboid(low, DVec3::new(half, height * share, half)));
+            object
+                .add_mesh(Role::Floor, &solid::cuboid(low, DVec3::new(half, height * share, half)));
         }
         self.stage.place(&object, self.random)?;
         let count = self.random.integer(2, 6);
@@ -211,9 +215,13 @@ impl Set<'_> {
             0..=2 => {
                 let normal = -at.normalize();
                 let (u, v) = normal.any_orthonormal_pair();
-                let (a, b) = (r * self.random.log_uniform(0.03, 1.2), r * self.random.log_uniform(0.03, 1.2));
+                let (a, b) = (
+                    r * self.random.log_uniform(0.03, 1.2),
+                    r * self.random.log_uniform(0.03, 1.2),
+                );
                 let radiance = colour::light(self.random) * power / (4.0 * a * b);
-                self.stage.add_shining(Form::Rectangle { center: at, u: u * a, v: v * b }, radiance);
+                self.stage
+                    .add_shining(Form::Rectangle { center: at, u: u * a, v: v * b }, radiance);
                 self.stage.tag("area-light");
             }
             3 => {

@@ -268,8 +268,7 @@ fn cells(size: usize, random: &mut Random) -> Field {
             let (column, row) = (u.floor() as i32 + dx, v.floor() as i32 + dy);
             let (a, b) = (column.rem_euclid(count), row.rem_euclid(count));
             let of = |k: i32| noise.cell(a + 64 * k, b);
-            let distance =
-                (u - f64::from(column) - of(0)).hypot(v - f64::from(row) - of(1));
+            let distance = (u - f64::from(column) - of(0)).hypot(v - f64::from(row) - of(1));
             if distance < first {
                 (second, first, shade) = (first, distance, of(2));
             } else {

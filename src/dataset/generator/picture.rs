@@ -68,7 +68,12 @@ pub(super) fn write_radiance(path: &Path, width: usize, texels: &[DVec3]) -> Res
     image.write().non_parallel().to_file(path).map_err(|error| Error::image(path, error))
 }
 
-fn write_png(path: &Path, size: usize, texels: &[u8], kind: ExtendedColorType) -> Result<(), Error> {
+fn write_png(
+    path: &Path,
+    size: usize,
+    texels: &[u8],
+    kind: ExtendedColorType,
+) -> Result<(), Error> {
     let mut bytes = Vec::new();
     image::codecs::png::PngEncoder::new(&mut bytes)
         .write_image(texels, size as u32, size as u32, kind)
@@ -78,11 +83,8 @@ fn write_png(path: &Path, size: usize, texels: &[u8], kind: ExtendedColorType) -
 
 /// The inverse of the sRGB transfer curve, IEC 61966-2-1, as a byte.
 fn encode(linear: f64) -> u8 {
-    let encoded = if linear <= 0.003_130_8 {
-        12.92 * linear
-    } else {
-        1.055 * linear.powf(1.0 / 2.4) - 0.055
-    };
+    let encoded =
+        if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     quantise(encoded)
 }
 

@@ -21,11 +21,8 @@ use std::collections::BTreeMap;
 /// A file cannot be written.
 pub(super) fn build(stage: &mut Stage, random: &mut Random) -> Result<(), Error> {
     stage.tag("room");
-    let size = DVec3::new(
-        random.uniform(2.6, 7.0),
-        random.uniform(2.2, 3.8),
-        random.uniform(2.6, 7.0),
-    );
+    let size =
+        DVec3::new(random.uniform(2.6, 7.0), random.uniform(2.2, 3.8), random.uniform(2.6, 7.0));
     let mut room = Room {
         size,
         plan: FloorPlan::new(
@@ -107,15 +104,24 @@ impl Room<'_> {
         let random = &mut *self.random;
         match random.integer(0, 9) {
             0..=2 => {
-                let (w, h) = (random.uniform(0.25, 0.7) * width, random.uniform(0.35, 0.6) * height);
+                let (w, h) =
+                    (random.uniform(0.25, 0.7) * width, random.uniform(0.35, 0.6) * height);
                 let left = random.uniform(0.05 * width, 0.95 * width - w);
                 let sill = random.uniform(0.15 * height, 0.9 * height - h);
-                Some(Opening { low: DVec2::new(left, sill), high: DVec2::new(left + w, sill + h), is_door: false })
+                Some(Opening {
+                    low: DVec2::new(left, sill),
+                    high: DVec2::new(left + w, sill + h),
+                    is_door: false,
+                })
             }
             3 => {
                 let (w, h) = (random.uniform(0.75, 1.0), 2.0_f64.min(0.9 * height));
                 let left = random.uniform(0.1, width - w - 0.1);
-                Some(Opening { low: DVec2::new(left, 0.0), high: DVec2::new(left + w, h), is_door: true })
+                Some(Opening {
+                    low: DVec2::new(left, 0.0),
+                    high: DVec2::new(left + w, h),
+                    is_door: true,
+                })
             }
             _ => None,
         }
@@ -311,7 +317,8 @@ impl Room<'_> {
 
     /// One to three kinds of lamps, fewer where light comes in already.
     fn light(&mut self) -> Result<(), Error> {
-        let count = if self.is_lit && self.random.chance(0.5) { 0 } else { self.random.integer(1, 3) };
+        let count =
+            if self.is_lit && self.random.chance(0.5) { 0 } else { self.random.integer(1, 3) };
         if self.random.chance(0.08) {
             self.stage.tag("dark");
         }
@@ -365,7 +372,8 @@ impl Room<'_> {
             7 => {
                 // A plate between lamp and room: only the ceiling and the wall are lit directly.
                 let reach = self.random.uniform(0.2, 0.5);
-                let plate = Form::Rectangle { center: at, u: DVec3::Z * reach, v: DVec3::X * reach };
+                let plate =
+                    Form::Rectangle { center: at, u: DVec3::Z * reach, v: DVec3::X * reach };
                 self.place(&Object::of(Role::Furniture, plate))?;
                 let above = at + DVec3::Y * 0.08;
                 let radiance = colour::light(self.random) * 12.0 / (reach * reach);

@@ -19,8 +19,12 @@ pub(super) fn cuboid(low: DVec3, high: DVec3) -> Mesh {
                 p[v] = if b { high[v] } else { low[v] };
                 p
             };
-            let corners =
-                [corner(false, false), corner(true, false), corner(true, true), corner(false, true)];
+            let corners = [
+                corner(false, false),
+                corner(true, false),
+                corner(true, true),
+                corner(false, true),
+            ];
             let uvs = corners.map(|p| {
                 // Upright on walls: v is the height wherever a face has one.
                 match axis {
@@ -61,12 +65,8 @@ pub(super) fn prism(outline: &[DVec2], height: f64, taper: f64, twist: f64, step
         let (low, high) = (step as f64 / steps as f64, (step + 1) as f64 / steps as f64);
         for index in 0..count {
             let u = |i: usize| i as f64 / count as f64;
-            let corners = [
-                ring(low, index),
-                ring(low, index + 1),
-                ring(high, index + 1),
-                ring(high, index),
-            ];
+            let corners =
+                [ring(low, index), ring(low, index + 1), ring(high, index + 1), ring(high, index)];
             let uvs = [
                 DVec2::new(u(index), low),
                 DVec2::new(u(index + 1), low),
@@ -134,7 +134,12 @@ where
 
 /// A tube of this radius around a curve, open at its ends or closed to a ring. Frames are carried along by the smallest
 /// turn (Bloomenthal 1990, "Calculation of Reference Frames along a Space Curve").
-pub(super) fn tube(curve: &[DVec3], radius: impl Fn(f64) -> f64, sides: usize, is_closed: bool) -> Mesh {
+pub(super) fn tube(
+    curve: &[DVec3],
+    radius: impl Fn(f64) -> f64,
+    sides: usize,
+    is_closed: bool,
+) -> Mesh {
     let count = curve.len();
     let tangent = |i: usize| {
         let (before, after) = if is_closed {
@@ -194,7 +199,8 @@ pub(super) fn bumpy_sphere(random: &mut Random, segments: usize) -> Mesh {
 pub(super) fn superquadric(random: &mut Random, segments: usize) -> Mesh {
     let exponent = |random: &mut Random| random.log_uniform(0.15, 2.2);
     let (east, north) = (exponent(random), exponent(random));
-    let extent = DVec3::new(random.uniform(0.5, 1.0), random.uniform(0.5, 1.3), random.uniform(0.5, 1.0));
+    let extent =
+        DVec3::new(random.uniform(0.5, 1.0), random.uniform(0.5, 1.3), random.uniform(0.5, 1.0));
     let power = |value: f64, exponent: f64| value.signum() * value.abs().powf(exponent);
     Mesh::grid(segments, segments / 2, |u, v| {
         let theta = PI * (v - 0.5);
@@ -210,11 +216,7 @@ pub(super) fn superquadric(random: &mut Random, segments: usize) -> Mesh {
 }
 
 /// A sheet over `[-1, 1]²` in x and z with heights of noise; texture coordinates are `[0, 1]²`, times `metres`.
-pub(super) fn sheet(
-    segments: usize,
-    metres: f64,
-    height: impl Fn(f64, f64) -> f64,
-) -> Mesh {
+pub(super) fn sheet(segments: usize, metres: f64, height: impl Fn(f64, f64) -> f64) -> Mesh {
     Mesh::grid(segments, segments, |u, v| {
         let (x, z) = (2.0 * u - 1.0, 1.0 - 2.0 * v);
         (DVec3::new(x, height(x, z), z), DVec2::new(u, v) * metres)

@@ -178,8 +178,7 @@ impl Stage {
             .child(sensor.clone());
         for (index, material) in self.materials.iter().enumerate() {
             // Materials whose object was not built after all would be warned of.
-            let is_used =
-                |surface: &Surface| surface.material.is_some_and(|used| used.0 == index);
+            let is_used = |surface: &Surface| surface.material.is_some_and(|used| used.0 == index);
             if self.surfaces.iter().any(is_used) {
                 scene = scene.child(material.clone().attribute("id", format!("material-{index}")));
             }
@@ -190,9 +189,9 @@ impl Stage {
         for (surface, shape) in self.surfaces.iter().zip(shapes) {
             let mut shape = shape.clone();
             if let Some(radiance) = surface.radiance {
-                let black =
-                    Element::plugin("bsdf", "diffuse").rgb("reflectance", DVec3::ZERO);
-                let emitter = Element::plugin("emitter", "area").rgb("radiance", radiance * exposure);
+                let black = Element::plugin("bsdf", "diffuse").rgb("reflectance", DVec3::ZERO);
+                let emitter =
+                    Element::plugin("emitter", "area").rgb("radiance", radiance * exposure);
                 shape = shape.child(black).child(emitter);
             }
             if let Some(material) = surface.material {

@@ -15,11 +15,7 @@ pub(super) struct Map {
 
 impl Map {
     /// Colours by direction, at 128×64 or 256×128.
-    fn of(
-        random: &mut Random,
-        tags: &[&'static str],
-        radiance: impl Fn(DVec3) -> DVec3,
-    ) -> Self {
+    fn of(random: &mut Random, tags: &[&'static str], radiance: impl Fn(DVec3) -> DVec3) -> Self {
         let width = if random.chance(0.5) { 256 } else { 128 };
         let height = width / 2;
         let texel = |index: usize| {
@@ -54,7 +50,8 @@ pub(super) fn random(random: &mut Random) -> Map {
 /// A gradient from horizon to zenith over a ground; half of the skies with a sun, from a fifth of a degree of blur to
 /// several texels, and some with clouds.
 fn sky(random: &mut Random) -> Map {
-    let zenith = colour::hsv(random.uniform(0.55, 0.65), random.uniform(0.2, 0.8), random.uniform(0.3, 1.0));
+    let zenith =
+        colour::hsv(random.uniform(0.55, 0.65), random.uniform(0.2, 0.8), random.uniform(0.3, 1.0));
     let warmth = random.uniform(0.0, 0.6);
     let horizon = colour::hsv(random.uniform(0.04, 0.12), warmth, random.uniform(0.6, 1.4));
     let ground = colour::earthen(random) * 0.5;
@@ -104,7 +101,8 @@ fn studio(random: &mut Random) -> Map {
             let distance = direction.dot(*normal);
             if distance > 0.0 {
                 let (x, y) = (direction.dot(*right) / distance, direction.dot(*up) / distance);
-                let edge = |value: f64, half: f64| ((half - value.abs()) * 12.0 + 0.5).clamp(0.0, 1.0);
+                let edge =
+                    |value: f64, half: f64| ((half - value.abs()) * 12.0 + 0.5).clamp(0.0, 1.0);
                 sum += *radiance * edge(x, *width) * edge(y, *height);
             }
         }

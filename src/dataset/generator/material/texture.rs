@@ -23,20 +23,27 @@ pub(super) struct Look {
 impl Look {
     pub(super) fn of_role(role: Role) -> Self {
         use Pattern::{
-            Bricks, Cells, Checks, Fractal, Grain, Gradient, Lettering, Marble, Noise, Spots, Stripes,
-            Tiles, Weave, Wood,
+            Bricks, Cells, Checks, Fractal, Gradient, Grain, Lettering, Marble, Noise, Spots,
+            Stripes, Tiles, Weave, Wood,
         };
         match role {
             Role::Wall => Self {
                 share: 0.3,
                 repeats: [0.3, 2.0],
-                patterns: &[Tiles, Tiles, Bricks, Stripes, Noise, Fractal, Spots, Wood, Gradient, Lettering],
+                patterns: &[
+                    Tiles, Tiles, Bricks, Stripes, Noise, Fractal, Spots, Wood, Gradient, Lettering,
+                ],
             },
-            Role::Ceiling => Self { share: 0.1, repeats: [0.3, 1.0], patterns: &[Tiles, Wood, Noise] },
+            Role::Ceiling => {
+                Self { share: 0.1, repeats: [0.3, 1.0], patterns: &[Tiles, Wood, Noise] }
+            }
             Role::Floor => Self {
                 share: 0.75,
                 repeats: [0.2, 1.5],
-                patterns: &[Tiles, Tiles, Checks, Wood, Wood, Marble, Fractal, Bricks, Cells, Weave, Grain, Stripes, Spots],
+                patterns: &[
+                    Tiles, Tiles, Checks, Wood, Wood, Marble, Fractal, Bricks, Cells, Weave, Grain,
+                    Stripes, Spots,
+                ],
             },
             Role::Furniture => Self {
                 share: 0.5,
@@ -44,10 +51,16 @@ impl Look {
                 patterns: &[Wood, Wood, Wood, Marble, Fractal, Stripes, Weave, Checks],
             },
             Role::Picture(_) => Self { share: 1.0, repeats: [0.999, 1.001], patterns: &[] },
-            Role::Leaf | Role::Metal | Role::Plate(_) => {
-                Self { share: 0.2, repeats: [1.0, 6.0], patterns: &[Noise, Fractal, Stripes, Grain] }
-            }
-            Role::Sheet => Self { share: 0.5, repeats: [0.5, 4.0], patterns: &[Stripes, Checks, Weave, Spots, Lettering, Fractal] },
+            Role::Leaf | Role::Metal | Role::Plate(_) => Self {
+                share: 0.2,
+                repeats: [1.0, 6.0],
+                patterns: &[Noise, Fractal, Stripes, Grain],
+            },
+            Role::Sheet => Self {
+                share: 0.5,
+                repeats: [0.5, 4.0],
+                patterns: &[Stripes, Checks, Weave, Spots, Lettering, Fractal],
+            },
             _ => Self { share: 0.4, repeats: [0.7, 6.0], patterns: &[] },
         }
     }
@@ -87,7 +100,12 @@ impl Maker<'_> {
     }
 
     /// A texture of numbers in a range, named `name`.
-    pub(super) fn numbers(&mut self, look: Look, name: &str, range: [f64; 2]) -> Result<Element, Error> {
+    pub(super) fn numbers(
+        &mut self,
+        look: Look,
+        name: &str,
+        range: [f64; 2],
+    ) -> Result<Element, Error> {
         let pattern = self.pattern(look);
         self.numbers_of(pattern, look, name, range)
     }
@@ -232,9 +250,8 @@ impl Maker<'_> {
             1 => 45.0,
             _ => 0.0,
         };
-        let scale = Element::new("scale")
-            .attribute("x", number(repeats))
-            .attribute("y", number(repeats));
+        let scale =
+            Element::new("scale").attribute("x", number(repeats)).attribute("y", number(repeats));
         let mut transform = Element::new("transform").attribute("name", "to_uv").child(scale);
         if turn != 0.0 {
             let axis = Element::new("rotate").attribute("z", "1").attribute("angle", number(turn));

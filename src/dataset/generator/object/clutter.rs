@@ -18,7 +18,11 @@ fn piece(random: &mut Random, small: usize) -> Option<Mesh> {
     Some(match small {
         0 => return None,
         1 => {
-            let half = DVec3::new(random.uniform(0.3, 0.8), random.uniform(0.3, 0.8), random.uniform(0.3, 0.8));
+            let half = DVec3::new(
+                random.uniform(0.3, 0.8),
+                random.uniform(0.3, 0.8),
+                random.uniform(0.3, 0.8),
+            );
             solid::cuboid(-half, half)
         }
         2 => solid::torus(0.3, 20),
@@ -39,7 +43,14 @@ fn piece(random: &mut Random, small: usize) -> Option<Mesh> {
     })
 }
 
-fn add(object: &mut Object, role: Role, mesh: Option<&Mesh>, center: DVec3, scale: f64, turn: DQuat) {
+fn add(
+    object: &mut Object,
+    role: Role,
+    mesh: Option<&Mesh>,
+    center: DVec3,
+    scale: f64,
+    turn: DQuat,
+) {
     match mesh {
         None => object.add(role, Form::Sphere { center, radius: scale }),
         Some(mesh) => {
@@ -55,13 +66,15 @@ fn role(random: &mut Random, materials: usize) -> Role {
 
 fn grid(random: &mut Random, materials: usize, small: usize) -> Object {
     let mut object = Object::default();
-    let (columns, rows, layers) = (random.integer(2, 7), random.integer(2, 7), random.integer(1, 3));
+    let (columns, rows, layers) =
+        (random.integer(2, 7), random.integer(2, 7), random.integer(1, 3));
     let mesh = piece(random, small);
     let radius = random.uniform(0.25, 0.48);
     let jitter = if random.chance(0.5) { 0.15 } else { 0.0 };
     for index in 0..columns * rows * layers {
         let (x, z, y) = (index % columns, index / columns % rows, index / columns / rows);
-        let offset = random.point(DVec3::splat(-jitter), DVec3::splat(jitter)) * (DVec3::ONE - DVec3::Y);
+        let offset =
+            random.point(DVec3::splat(-jitter), DVec3::splat(jitter)) * (DVec3::ONE - DVec3::Y);
         let center = DVec3::new(x as f64, y as f64 + 0.5, z as f64) + offset;
         let turn = DQuat::from_rotation_y(random.angle() * f64::from(u8::from(jitter > 0.0)));
         let role = role(random, materials);

@@ -42,7 +42,8 @@ pub(in crate::dataset::generator) fn table(random: &mut Random, size: DVec3) -> 
 
 /// A chair of a seat, legs and a back of slats.
 pub(in crate::dataset::generator) fn chair(random: &mut Random) -> Object {
-    let seat = DVec3::new(random.uniform(0.38, 0.5), random.uniform(0.42, 0.5), random.uniform(0.38, 0.5));
+    let seat =
+        DVec3::new(random.uniform(0.38, 0.5), random.uniform(0.42, 0.5), random.uniform(0.38, 0.5));
     let mut object = table(random, seat);
     let (back, slats) = (random.uniform(0.35, 0.6), random.integer(2, 6));
     let z = -0.5 * seat.z + 0.02;
@@ -122,10 +123,17 @@ pub(super) fn books(random: &mut Random) -> Object {
     let mut object = Object::default();
     let mut y = 0.0;
     for k in 0..random.integer(2, 8) {
-        let size = DVec3::new(random.uniform(0.5, 0.9), random.uniform(0.05, 0.2), random.uniform(0.7, 1.1));
+        let size = DVec3::new(
+            random.uniform(0.5, 0.9),
+            random.uniform(0.05, 0.2),
+            random.uniform(0.7, 1.1),
+        );
         let turn = DMat4::from_rotation_y(random.uniform(-0.3, 0.3));
         let at = DVec3::new(random.uniform(-0.05, 0.05), y, random.uniform(-0.05, 0.05));
-        object.add_mesh(Role::Thing((k % 4) as u8), &board(DVec3::ZERO, size).transformed(&(DMat4::from_translation(at) * turn)));
+        object.add_mesh(
+            Role::Thing((k % 4) as u8),
+            &board(DVec3::ZERO, size).transformed(&(DMat4::from_translation(at) * turn)),
+        );
         y += size.y + 0.002;
     }
     object
@@ -137,7 +145,10 @@ pub(super) fn panel(random: &mut Random) -> Object {
     let lean = DMat4::from_rotation_x(-random.uniform(0.0, 0.25));
     let mut object = Object::default();
     let frame = 0.04;
-    object.add_mesh(Role::Furniture, &board(DVec3::ZERO, DVec3::new(width + frame, height + frame, 0.03)).transformed(&lean));
+    object.add_mesh(
+        Role::Furniture,
+        &board(DVec3::ZERO, DVec3::new(width + frame, height + frame, 0.03)).transformed(&lean),
+    );
     let center = lean.transform_point3(DVec3::new(0.0, 0.5 * (height + frame), 0.017));
     let u = DVec3::X * 0.5 * width;
     let v = lean.transform_vector3(DVec3::Y) * 0.5 * height;
@@ -155,7 +166,11 @@ pub(in crate::dataset::generator) fn pedestal(random: &mut Random, height: f64) 
 }
 
 /// Steps that climb along -z from `z = 0`; `width` across.
-pub(in crate::dataset::generator) fn stairs(random: &mut Random, width: f64, steps: usize) -> Object {
+pub(in crate::dataset::generator) fn stairs(
+    random: &mut Random,
+    width: f64,
+    steps: usize,
+) -> Object {
     let (rise, tread) = (random.uniform(0.14, 0.2), random.uniform(0.24, 0.34));
     let mut object = Object::default();
     let is_open = random.chance(0.4);
@@ -166,9 +181,13 @@ pub(in crate::dataset::generator) fn stairs(random: &mut Random, width: f64, ste
         object.add_mesh(Role::Furniture, &board(at, DVec3::new(width, y - bottom, tread)));
         let side = 0.5 * width - 0.04;
         let foot = DVec3::new(side, y, z);
-        object.add(Role::Metal, Form::Cylinder { start: foot, end: foot + DVec3::Y * 0.85, radius: 0.012 });
+        object.add(
+            Role::Metal,
+            Form::Cylinder { start: foot, end: foot + DVec3::Y * 0.85, radius: 0.012 },
+        );
     }
-    let (first, last) = (DVec3::new(0.5 * width - 0.04, rise + 0.85, -0.5 * tread), steps as f64 - 1.0);
+    let (first, last) =
+        (DVec3::new(0.5 * width - 0.04, rise + 0.85, -0.5 * tread), steps as f64 - 1.0);
     let end = first + DVec3::new(0.0, rise * last, -tread * last);
     object.add(Role::Metal, Form::Cylinder { start: first, end, radius: 0.025 });
     object.tagged("stairs")

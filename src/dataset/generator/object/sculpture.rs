@@ -76,13 +76,20 @@ fn cloth(random: &mut Random) -> Mesh {
 /// A hull with boxes growing out of it: machinery, a ship, a city.
 fn vehicle(random: &mut Random) -> Object {
     let mut object = Object::default();
-    let hull = DVec3::new(random.uniform(0.6, 1.5), random.uniform(0.15, 0.5), random.uniform(0.3, 0.8));
+    let hull =
+        DVec3::new(random.uniform(0.6, 1.5), random.uniform(0.15, 0.5), random.uniform(0.3, 0.8));
     object.add_mesh(Role::Thing(0), &solid::cuboid(-hull, hull));
     let mut faces = vec![(DVec3::ZERO, hull)];
     for k in 0..random.integer(10, 60) {
         let (center, half) = faces[random.integer(0, faces.len() - 1)];
         let mut axis = random.direction().abs();
-        axis = if axis.y > 0.5 { DVec3::Y } else if axis.x > axis.z { DVec3::X } else { DVec3::Z };
+        axis = if axis.y > 0.5 {
+            DVec3::Y
+        } else if axis.x > axis.z {
+            DVec3::X
+        } else {
+            DVec3::Z
+        };
         let side = if random.chance(0.25) && axis != DVec3::Y { -axis } else { axis };
         let size = half * random.uniform(0.15, 0.6);
         let reach = size * axis * random.uniform(0.2, 1.5);

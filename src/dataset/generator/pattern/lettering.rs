@@ -62,7 +62,14 @@ struct Page {
 
 impl Page {
     /// Words from margin to margin on a line of this height, pixels.
-    fn line(&mut self, alphabet: &[Glyph], random: &mut Random, top: f64, height: f64, margin: f64) {
+    fn line(
+        &mut self,
+        alphabet: &[Glyph],
+        random: &mut Random,
+        top: f64,
+        height: f64,
+        margin: f64,
+    ) {
         let (glyph_height, glyph_width) = (0.6 * height, 0.34 * height);
         let weight = random.uniform(0.05, 0.09) * height;
         let mut left = margin;

@@ -52,7 +52,9 @@ impl Wall {
             let is_long = side % 2 == 0;
             let (width, depth) = if is_long { (size.x, size.z) } else { (size.z, size.x) };
             // The wall at the back, whose left end seen from inside is at -x, turned by quarters.
-            let turn = DMat4::from_rotation_y(std::f64::consts::FRAC_PI_2 * side as f64 + std::f64::consts::PI);
+            let turn = DMat4::from_rotation_y(
+                std::f64::consts::FRAC_PI_2 * side as f64 + std::f64::consts::PI,
+            );
             let corner = DMat4::from_translation(DVec3::new(-0.5 * width, 0.0, -0.5 * depth));
             Self { width, height: size.y, to_room: turn * corner }
         })
@@ -81,7 +83,8 @@ impl Wall {
 
     /// A sheet of glass in the middle of the opening.
     pub(super) fn pane(&self, opening: &Opening) -> Form {
-        let (center, half) = (0.5 * (opening.low + opening.high), 0.5 * (opening.high - opening.low));
+        let (center, half) =
+            (0.5 * (opening.low + opening.high), 0.5 * (opening.high - opening.low));
         self.rectangle(center, half, -0.5 * THICKNESS)
     }
 
@@ -115,11 +118,19 @@ impl Wall {
         let mut mesh = Mesh::default();
         for k in 0..=counts[0] + 1 {
             let x = low.x + (high.x - low.x) * k as f64 / (counts[0] + 1) as f64;
-            mesh.append(&self.slab(DVec2::new(x - thick, low.y), DVec2::new(x + thick, high.y), depth));
+            mesh.append(&self.slab(
+                DVec2::new(x - thick, low.y),
+                DVec2::new(x + thick, high.y),
+                depth,
+            ));
         }
         for k in 0..=counts[1] + 1 {
             let y = low.y + (high.y - low.y) * k as f64 / (counts[1] + 1) as f64;
-            mesh.append(&self.slab(DVec2::new(low.x, y - thick), DVec2::new(high.x, y + thick), depth));
+            mesh.append(&self.slab(
+                DVec2::new(low.x, y - thick),
+                DVec2::new(high.x, y + thick),
+                depth,
+            ));
         }
         mesh
     }
@@ -148,7 +159,8 @@ impl Wall {
     /// The leaf of a door, turned out of its frame by `angle` radians, away from the room.
     pub(super) fn door(&self, opening: &Opening, angle: f64) -> Mesh {
         let size = opening.high - opening.low;
-        let leaf = cuboid(DVec3::new(0.0, 0.01, -0.04), DVec3::new(size.x - 0.01, size.y - 0.01, 0.0));
+        let leaf =
+            cuboid(DVec3::new(0.0, 0.01, -0.04), DVec3::new(size.x - 0.01, size.y - 0.01, 0.0));
         let hinge = DVec3::new(opening.low.x, 0.0, -THICKNESS);
         let place = DMat4::from_translation(hinge) * DMat4::from_rotation_y(angle);
         leaf.transformed(&(self.to_room * place))
