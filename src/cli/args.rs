@@ -162,7 +162,7 @@ pub(super) struct Dataset {
     #[arg(long, value_name = "N", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub(super) reference_spp: u32,
     /// Noise at which a reference is converged: estimated relative L2, of dark pictures after brightening
-    #[arg(long, value_name = "ERROR", default_value_t = 1e-3)]
+    #[arg(long, value_name = "ERROR", default_value_t = 1e-3, allow_negative_numbers = true, value_parser = noise)]
     pub(super) reference_noise: f64,
     /// Make only every N-th view, from view I on: for machine I of N, counted from 0
     #[arg(long, value_name = "I/N", default_value = "0/1")]
@@ -257,6 +257,13 @@ fn definition(text: &str) -> Result<(String, String), String> {
         Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
         _ => Err("expected NAME=VALUE".to_owned()),
     }
+}
+
+fn noise(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|noise: &f64| *noise >= 0.0 && noise.is_finite())
+        .ok_or_else(|| "expected zero or a positive number, such as 0.001".to_owned())
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {

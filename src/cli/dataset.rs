@@ -8,6 +8,7 @@ use crate::dataset::export::{Exported, export};
 use crate::dataset::merge::{Merged, merge};
 use crate::dataset::{Error, Job, Outcome, Plan, Settings, contact_sheet, manifest};
 use crate::scene::{LoadOptions, Scene};
+use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -43,6 +44,9 @@ pub(super) fn run(arguments: &Dataset) -> Result<(), Failure> {
 /// Errors of the user's own doing are told apart from those of the machine.
 fn sorted(error: Error) -> Failure {
     match error {
+        Error::Io { ref source, .. } if source.kind() == ErrorKind::NotFound => {
+            Failure::BadInput(error.into())
+        }
         Error::Settings { .. }
         | Error::Conflict { .. }
         | Error::Format { .. }
