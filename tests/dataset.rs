@@ -134,6 +134,24 @@ fn half_written_views_are_made_again_and_complete_ones_are_left() {
 }
 
 #[test]
+fn the_disk_use_stated_is_that_of_the_views_there_are() {
+    let folder = folder();
+    let stated = job(folder.path(), &settings(), 10).plan().expect("the plan is sound").needed;
+    // Two noisy renders of 97 channels and a reference of 51, 12×12 floats each, half of it left by compression.
+    assert_eq!(stated, 10 * (2 * 97 + 51) * 144 * 4 / 2);
+    make(job(folder.path(), &settings(), 8));
+    let taken: u64 = (0..8)
+        .flat_map(|number| {
+            fs::read_dir(View::folder(folder.path(), &View::id(number))).expect("a view")
+        })
+        .map(|file| file.and_then(|file| file.metadata()).expect("a file").len())
+        .sum();
+    let plan = job(folder.path(), &settings(), 10).plan().expect("the plan is sound");
+    assert_eq!((plan.len(), plan.complete, plan.needed), (2, 8, taken / 8 * 2));
+    assert!(plan.free.is_none_or(|free| free > plan.needed));
+}
+
+#[test]
 fn an_interrupted_run_leaves_no_half_written_view() {
     let folder = folder();
     let plan = job(folder.path(), &settings(), 4).plan().expect("the plan is sound");

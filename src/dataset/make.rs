@@ -4,8 +4,8 @@ use super::manifest::{Manifest, Record, Settings, View, records};
 use super::{Error, Shard, at, pairs, space};
 use std::fs;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Which views of which data set to make.
 #[derive(Clone, Debug)]
@@ -139,7 +139,7 @@ impl Plan {
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(&number) = self.missing.get(index) else { return };
                 let made = pairs::make_view(&self.job, number, stop);
-                let mut state = state.lock().expect("no worker panics while it counts");
+                let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
                 let (outcome, failure) = &mut *state;
                 match made {
                     Ok(Some(Record::Rendered(_))) => outcome.rendered += 1,
@@ -159,7 +159,7 @@ impl Plan {
                 scope.spawn(|| pool.install(work));
             }
         });
-        let (outcome, failure) = state.into_inner().expect("no worker panics while it counts");
+        let (outcome, failure) = state.into_inner().unwrap_or_else(PoisonError::into_inner);
         match failure {
             Some(error) => Err(error),
             None => {

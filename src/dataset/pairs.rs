@@ -162,10 +162,14 @@ fn attempt(
     seed: ViewSeed,
     stop: &AtomicBool,
 ) -> Result<Tried, Error> {
-    let work = || match candidate(job, identity, seed) {
+    or_panic_noted(|| match candidate(job, identity, seed) {
         Ok(candidate) => try_view(job, folder, candidate, identity, seed, stop),
         Err(refusal) => Ok(Tried::Refused(refusal)),
-    };
+    })
+}
+
+/// Does the work; a panic becomes a refusal.
+fn or_panic_noted(work: impl FnOnce() -> Result<Tried, Error>) -> Result<Tried, Error> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
         let said = panic.downcast_ref::<String>().map(String::as_str);
         let said = said.or(panic.downcast_ref::<&str>().copied()).unwrap_or("without a message");
@@ -365,6 +369,22 @@ fn write(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_panic_is_noted_with_what_it_said() {
+        for (work, expected) in [
+            ((|| panic!("plain words")) as fn() -> Result<Tried, Error>, "plain words"),
+            (|| panic!("{} digits", std::hint::black_box(2)), "2 digits"),
+            (|| std::panic::panic_any(7), "without a message"),
+        ] {
+            match or_panic_noted(work) {
+                Ok(Tried::Refused(Refusal::Broken(reason))) => {
+                    assert!(reason.contains(expected), "{reason}");
+                }
+                _ => panic!("{expected} went unnoticed"),
+            }
+        }
+    }
 
     #[test]
     fn films_hold_the_window_and_differ_in_format() {
