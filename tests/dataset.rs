@@ -2,9 +2,13 @@
 
 use ndarray::s;
 use quietlight::dataset::export::export;
-use quietlight::dataset::manifest::{RenderedView, Split, views};
+use quietlight::dataset::manifest::{Split, records};
 use quietlight::dataset::merge::merge;
-use quietlight::dataset::{Error, Job, Manifest, Outcome, Settings, Shard, View, contact_sheet};
+use quietlight::dataset::{
+    Error, Job, Manifest, Outcome, Record, Settings, Shard, View, contact_sheet,
+};
+use quietlight::render::{RenderSettings, render};
+use quietlight::scene::{LoadOptions, Scene};
 use quietlight_denoise::picture::read_picture;
 use quietlight_denoise::{LayerKind, exr};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
@@ -48,12 +52,12 @@ fn folder() -> TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// All views of a set that have pictures.
-fn rendered(folder: &Path) -> Vec<RenderedView> {
-    let views = views(folder).expect("the views can be read");
-    let rendered = views.into_iter().map(|view| match view {
-        View::Rendered(view) => view,
-        View::Skipped(view) => panic!("{} was skipped: {}", view.identity.id, view.skipped),
+/// All views of a set, none of which may have been skipped.
+fn rendered(folder: &Path) -> Vec<View> {
+    let records = records(folder).expect("the views can be read").into_iter();
+    let rendered = records.map(|record| match record {
+        Record::Rendered(view) => view,
+        Record::Skipped(view) => panic!("{} was skipped: {}", view.identity.id, view.reason),
     });
     rendered.collect()
 }
@@ -130,6 +134,24 @@ fn half_written_views_are_made_again_and_complete_ones_are_left() {
 }
 
 #[test]
+fn the_disk_use_stated_is_that_of_the_views_there_are() {
+    let folder = folder();
+    let stated = job(folder.path(), &settings(), 10).plan().expect("the plan is sound").needed;
+    // Two noisy renders of 97 channels and a reference of 51, 12×12 floats each, half of it left by compression.
+    assert_eq!(stated, 10 * (2 * 97 + 51) * 144 * 4 / 2);
+    make(job(folder.path(), &settings(), 8));
+    let taken: u64 = (0..8)
+        .flat_map(|number| {
+            fs::read_dir(View::folder(folder.path(), &View::id(number))).expect("a view")
+        })
+        .map(|file| file.and_then(|file| file.metadata()).expect("a file").len())
+        .sum();
+    let plan = job(folder.path(), &settings(), 10).plan().expect("the plan is sound");
+    assert_eq!((plan.len(), plan.complete, plan.needed), (2, 8, taken / 8 * 2));
+    assert!(plan.free.is_none_or(|free| free > plan.needed));
+}
+
+#[test]
 fn an_interrupted_run_leaves_no_half_written_view() {
     let folder = folder();
     let plan = job(folder.path(), &settings(), 4).plan().expect("the plan is sound");
@@ -173,7 +195,7 @@ fn sets_that_disagree_are_not_merged() {
     // A file that is not what its view says.
     let inputs = [forged.path().to_path_buf()];
     assert!(matches!(merge(merged.path(), &inputs), Err(Error::Format { .. })));
-    assert!(views(merged.path()).expect("a folder").is_empty(), "nothing was taken over");
+    assert!(records(merged.path()).expect("a folder").is_empty(), "nothing was taken over");
 }
 
 #[test]
@@ -209,18 +231,29 @@ fn renders_of_a_view_share_no_seed_and_no_noise() {
 }
 
 #[test]
-fn the_window_is_part_of_the_whole_film() {
-    // A set whose window is the whole film, and one whose window is a part of it, of the same view.
+fn a_view_is_the_window_of_the_whole_frame_of_its_scene() {
     let folder = folder();
-    make(job(folder.path(), &settings(), 2));
+    let settings = Settings { scenes: Vec::new(), crop: 24, max_spp: 2, ..settings() };
+    make(Job { keep_scenes: true, ..job(folder.path(), &settings, 2) });
     for view in rendered(folder.path()) {
+        let id = &view.identity.id;
+        let path = folder.path().join("scenes").join(id);
+        let scene = Scene::load(&path, &LoadOptions::default()).expect("the kept scene loads");
+        assert_eq!([scene.film.width, scene.film.height], view.film);
+        assert_eq!(scene.film.crop, [0, 0, view.film[0], view.film[1]]);
+        let noisy = &view.noisy[1];
+        let whole = RenderSettings { samples: noisy.spp, seed: noisy.seed, ..Default::default() };
+        let whole = render(&scene, &whole, &|_| {}, &AtomicBool::new(false)).layers;
+        let file = exr::read(&View::folder(folder.path(), id).join(&noisy.file)).expect("an EXR");
         let [x, y, width, height] = view.crop;
-        assert_eq!([width, height], [12, 12]);
-        assert!(x + width <= view.film[0] && y + height <= view.film[1], "{view:?}");
-        let path = View::folder(folder.path(), &view.identity.id).join(&view.reference.file);
-        let frame = exr::read(&path).expect("an EXR").frame;
-        assert_eq!(frame.offset, (x as i32, y as i32));
-        assert_eq!(frame.display, (view.film[0] as usize, view.film[1] as usize));
+        assert_eq!([width, height], [24, 24]);
+        assert_eq!(file.frame.offset, (x as i32, y as i32));
+        assert_eq!(file.frame.display, (view.film[0] as usize, view.film[1] as usize));
+        let [x, y] = [x as usize, y as usize];
+        for (kind, layer) in &whole.layers {
+            let part = layer.mean.slice(s![.., y..y + 24, x..x + 24]);
+            assert_eq!(part, file.layers.layers[kind].mean, "{kind:?} of {id}");
+        }
     }
 }
 
@@ -325,9 +358,9 @@ fn a_scene_that_breaks_is_noted_and_the_others_go_on() {
     settings.scenes[1] = broken;
     let outcome = make(job(set.path(), &settings, 4));
     assert_eq!((outcome.rendered, outcome.skipped), (2, 2));
-    let found = views(set.path()).expect("the views can be read");
-    let View::Skipped(view) = &found[1] else { panic!("{:?}", found[1]) };
-    assert!(view.skipped.contains("broken.xml:1:"), "{}", view.skipped);
+    let found = records(set.path()).expect("the views can be read");
+    let Record::Skipped(view) = &found[1] else { panic!("{:?}", found[1]) };
+    assert!(view.reason.contains("broken.xml:1:"), "{}", view.reason);
     // It is not tried again.
     assert_eq!(make(job(set.path(), &settings, 4)), Outcome::default());
 }
@@ -344,10 +377,9 @@ fn a_view_without_anything_in_it_is_refused() {
     .expect("written");
     let settings = Settings { scenes: vec![black], ..settings() };
     assert_eq!(make(job(set.path(), &settings, 1)).skipped, 1);
-    let View::Skipped(view) = &views(set.path()).expect("views")[0] else { panic!("not skipped") };
-    assert!(
-        view.skipped.contains("nearly black") || view.skipped.contains("background"),
-        "{view:?}"
-    );
+    let Record::Skipped(view) = &records(set.path()).expect("views")[0] else {
+        panic!("not skipped")
+    };
+    assert!(view.reason.contains("nearly black") || view.reason.contains("background"), "{view:?}");
     assert!(view.identity.attempts > 1);
 }

@@ -2,9 +2,10 @@
 
 use crate::support::scenes::{layer, render_finite, scene_around, settings};
 use quietlight::integrator::Strategy;
-use quietlight::render::{RenderSettings, Rendered, SamplerKind, replay};
+use quietlight::render::{RenderSettings, Rendered, Rendering, SamplerKind, replay};
 use quietlight::scene::Scene;
 use quietlight_denoise::{LayerKind, bilateral};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 fn scene() -> Scene {
@@ -68,6 +69,32 @@ fn the_length_of_a_pass_does_not_change_the_picture() {
     let long = RenderSettings { pass: Duration::from_secs(1000), ..short };
     let (short, long) = (render_finite(&scene, &short), render_finite(&scene, &long));
     assert_eq!(layer(&short, LayerKind::Beauty), layer(&long, LayerKind::Beauty));
+}
+
+#[test]
+fn a_render_that_goes_on_is_the_one_that_did_not_stop() {
+    let scene = scene();
+    for sampler in [SamplerKind::Sobol, SamplerKind::Independent] {
+        let settings = RenderSettings { sampler, ..settings(13, 5, Strategy::Mis) };
+        let whole = render_finite(&scene, &settings);
+        let stop = AtomicBool::new(false);
+        let mut parts = Rendering::new(&scene, &settings);
+        for samples in [1, 4, 4, 9] {
+            parts.advance(samples, &|_| {}, &stop);
+            assert_eq!(parts.samples(), samples);
+            // Looking at it on the way changes nothing.
+            assert_eq!(parts.layers().width, whole.layers.width);
+        }
+        parts.advance(13, &|_| {}, &stop);
+        let parts = parts.finish();
+        assert_eq!(parts.samples, whole.samples);
+        for (kind, layer) in &whole.layers.layers {
+            let other = &parts.layers.layers[kind];
+            assert_eq!(layer.mean, other.mean, "{kind:?}");
+            assert_eq!(layer.variance, other.variance, "variance of {kind:?}");
+            assert_eq!(layer.halves, other.halves, "halves of {kind:?}");
+        }
+    }
 }
 
 #[test]

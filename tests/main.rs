@@ -3,6 +3,7 @@
 mod analytic;
 mod buffers;
 mod cli;
+mod dataset;
 mod determinism;
 mod emission;
 mod equal_energy;

@@ -180,7 +180,7 @@ pub(super) struct Dataset {
     #[arg(long, value_name = "N", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub(super) reference_spp: u32,
     /// Noise at which a reference is converged: estimated relative L2, of dark pictures after brightening
-    #[arg(long, value_name = "ERROR", default_value_t = 1e-3)]
+    #[arg(long, value_name = "ERROR", default_value_t = 1e-3, allow_negative_numbers = true, value_parser = noise)]
     pub(super) reference_noise: f64,
     /// Make only every N-th view, from view I on: for machine I of N, counted from 0
     #[arg(long, value_name = "I/N", default_value = "0/1")]
@@ -197,7 +197,38 @@ pub(super) struct Dataset {
 }
 
 #[derive(Debug, Subcommand)]
-pub(super) enum DatasetVerb {}
+pub(super) enum DatasetVerb {
+    /// Put the shards of several machines together
+    Merge {
+        /// Data set to make or to add to
+        #[arg(value_name = "OUT")]
+        output: PathBuf,
+        /// Data sets of the same settings
+        #[arg(required = true, value_name = "DIR")]
+        inputs: Vec<PathBuf>,
+    },
+    /// Write the files that the training tools of Open Image Denoise read, into OUT/train and OUT/valid
+    Export {
+        /// Data set
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+        /// Folder to make
+        #[arg(value_name = "OUT")]
+        output: PathBuf,
+    },
+    /// Show many views on one picture: of each a noisy render and the reference
+    Sheet {
+        /// Data set
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+        /// PNG to write
+        #[arg(short, long, value_name = "FILE.png", default_value = "sheet.png")]
+        output: PathBuf,
+        /// Most views shown, evenly spread over all
+        #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..))]
+        views: u16,
+    },
+}
 
 #[derive(Args, Debug)]
 pub(super) struct Inspect {
@@ -267,6 +298,13 @@ fn definition(text: &str) -> Result<(String, String), String> {
         Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
         _ => Err("expected NAME=VALUE".to_owned()),
     }
+}
+
+fn noise(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|noise: &f64| *noise >= 0.0 && noise.is_finite())
+        .ok_or_else(|| "expected zero or a positive number, such as 0.001".to_owned())
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {

@@ -4,8 +4,11 @@ use super::args::{Dataset, DatasetVerb};
 use super::progress::Progress;
 use super::render::{STOP, heed_ctrl_c};
 use super::{BadInput, Failure};
-use crate::dataset::{Error, Job, Outcome, Plan, Settings};
+use crate::dataset::export::{Exported, export};
+use crate::dataset::merge::{Merged, merge};
+use crate::dataset::{Error, Job, Outcome, Plan, Settings, contact_sheet, manifest};
 use crate::scene::{LoadOptions, Scene};
+use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -13,13 +16,37 @@ use std::time::Instant;
 pub(super) fn run(arguments: &Dataset) -> Result<(), Failure> {
     match &arguments.verb {
         None => make(arguments),
-        Some(_) => Ok(()),
+        Some(DatasetVerb::Merge { output, inputs }) => {
+            let Merged { copied, already_there } = merge(output, inputs).map_err(sorted)?;
+            println!(
+                "{}: {copied} views copied, {already_there} were there before",
+                output.display()
+            );
+            Ok(())
+        }
+        Some(DatasetVerb::Export { folder, output }) => {
+            let total = manifest::views(folder).map_err(sorted)?.len() as u64;
+            let progress = Progress::new("export", "views", total);
+            let exported = export(folder, output, &|done| progress.at(done));
+            progress.finish();
+            let Exported { views, renders } = exported.map_err(sorted)?;
+            println!("{}: {renders} renders of {views} views", output.display());
+            Ok(())
+        }
+        Some(DatasetVerb::Sheet { folder, output, views }) => {
+            let ids = contact_sheet::write(folder, usize::from(*views), output).map_err(sorted)?;
+            println!("{}: views {}", output.display(), ids.join(" "));
+            Ok(())
+        }
     }
 }
 
 /// Errors of the user's own doing are told apart from those of the machine.
 fn sorted(error: Error) -> Failure {
     match error {
+        Error::Io { ref source, .. } if source.kind() == ErrorKind::NotFound => {
+            Failure::BadInput(error.into())
+        }
         Error::Settings { .. }
         | Error::Conflict { .. }
         | Error::Format { .. }

@@ -88,16 +88,16 @@ impl Denoising {
         let progress = Progress::new("denoise", "steps", 1000);
         let heard = |part: f32| progress.at((part * 1000.0) as u64);
         let outcome = match self {
-            Self::Bilateral(parameters) => threads
-                .install(|| bilateral::denoise(layers, parameters, &heard))
-                .map(|denoised| {
+            Self::Bilateral(parameters) => {
+                threads.install(|| bilateral::denoise(layers, parameters, &heard)).map(|denoised| {
                     let denoised_by = Denoised {
                         image: denoised.image,
                         name: "the bilateral filter",
                         details: vec![("denoiser", "bilateral".into())],
                     };
                     (denoised_by, denoised.report.sanitised)
-                }),
+                })
+            }
             Self::Kpcn { networks, quality } => {
                 networks.denoise(layers, threads, &heard).map(|denoised| {
                     let details = details(networks, *quality, &denoised.report);

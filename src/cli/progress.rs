@@ -11,8 +11,8 @@ const LINE_INTERVAL: Duration = Duration::from_secs(10);
 /// Shows how far work has come.
 pub(super) struct Progress {
     bar: ProgressBar,
-    /// What is being done, and the moment of the last line; `None` where the bar is drawn.
-    lines: Option<(&'static str, Mutex<Instant>)>,
+    /// What is being done, its unit, and the moment of the last line; `None` where the bar is drawn.
+    lines: Option<(&'static str, &'static str, Mutex<Instant>)>,
     start: Instant,
 }
 
@@ -34,13 +34,13 @@ impl Progress {
             );
         let bar = ProgressBar::new(total).with_style(style);
         let now = Instant::now();
-        let lines = (!std::io::stderr().is_terminal()).then(|| (name, Mutex::new(now)));
+        let lines = (!std::io::stderr().is_terminal()).then(|| (name, unit, Mutex::new(now)));
         Self { bar, lines, start: now }
     }
 
     /// `done` steps are done.
     pub(super) fn at(&self, done: u64) {
-        let Some((name, last)) = &self.lines else {
+        let Some((name, unit, last)) = &self.lines else {
             // Workers may report out of order; the bar only goes forward.
             self.bar.set_position(done.max(self.bar.position()));
             return;
@@ -50,12 +50,14 @@ impl Progress {
             return;
         }
         *last = Instant::now();
-        let part = done as f64 / self.bar.length().unwrap_or(1).max(1) as f64;
+        let total = self.bar.length().unwrap_or(1).max(1);
+        let part = done as f64 / total as f64;
         let elapsed = self.start.elapsed().as_secs_f64();
         let left = elapsed * (1.0 - part) / part.max(1e-9);
         eprintln!(
-            "{name}: {:.0} %, {}/s, {left:.0} s left",
+            "{name}: {:.0} % of {}{unit}, {}/s, {left:.0} s left",
             100.0 * part,
+            human(total as f64),
             human(done as f64 / elapsed)
         );
     }

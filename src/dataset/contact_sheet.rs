@@ -1,6 +1,6 @@
 //! Many views on one picture: would a stranger find them varied?
 
-use super::manifest::{RenderedView, View, views};
+use super::manifest::{View, views};
 use super::{Error, exposure};
 use ndarray::s;
 use quietlight_denoise::{Image, exr, png};
@@ -15,13 +15,7 @@ const THUMBNAIL: usize = 128;
 /// # Errors
 /// Where a view cannot be read, or the PNG not be written; [`Error::Format`] where there is no view with pictures.
 pub fn write(folder: &Path, most: usize, output: &Path) -> Result<Vec<String>, Error> {
-    let rendered: Vec<RenderedView> = views(folder)?
-        .into_iter()
-        .filter_map(|view| match view {
-            View::Rendered(view) => Some(view),
-            View::Skipped(_) => None,
-        })
-        .collect();
+    let rendered = views(folder)?;
     let count = rendered.len().min(most);
     if count == 0 {
         return Err(Error::Format {

@@ -2,7 +2,7 @@
 //! `train/ID_0016spp.hdr.exr`, `….alb.exr`, `….nrm.exr`, and `train/ID_ref.hdr.exr` (its documentation, "Training", section
 //! "Datasets").
 
-use super::manifest::{RenderedView, Split, View, views};
+use super::manifest::{Split, View, views};
 use super::{Error, at};
 use quietlight_denoise::exr::{self, WriteOptions};
 use quietlight_denoise::{Image, LayerKind, Layers};
@@ -29,23 +29,22 @@ pub struct Exported {
 /// # Errors
 /// Where a file cannot be read or written, or has not the layers that it must have.
 pub fn export(folder: &Path, output: &Path, progress: &dyn Fn(u64)) -> Result<Exported, Error> {
+    let views = views(folder)?;
     for split in ["train", "valid"] {
         let path = output.join(split);
         fs::create_dir_all(&path).map_err(at(&path))?;
     }
     let mut exported = Exported::default();
-    for (index, view) in views(folder)?.iter().enumerate() {
-        if let View::Rendered(view) = view {
-            exported.views += 1;
-            exported.renders += export_view(folder, output, view)?;
-        }
+    for (index, view) in views.iter().enumerate() {
+        exported.views += 1;
+        exported.renders += export_view(folder, output, view)?;
         progress(index as u64 + 1);
     }
     Ok(exported)
 }
 
 /// Writes one view; returns how many renders of it.
-fn export_view(folder: &Path, output: &Path, view: &RenderedView) -> Result<usize, Error> {
+fn export_view(folder: &Path, output: &Path, view: &View) -> Result<usize, Error> {
     let split = match view.identity.split {
         Split::Train => output.join("train"),
         Split::Validation => output.join("valid"),

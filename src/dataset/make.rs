@@ -1,11 +1,11 @@
 //! Making the views of a data set: which are missing, whether they fit, and who renders them.
 
-use super::manifest::{Manifest, Settings, View, views};
+use super::manifest::{Manifest, Record, Settings, View, records};
 use super::{Error, Shard, at, pairs, space};
 use std::fs;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Which views of which data set to make.
 #[derive(Clone, Debug)]
@@ -44,7 +44,7 @@ pub struct Plan {
 pub struct Outcome {
     /// Views rendered.
     pub rendered: usize,
-    /// Views whose scene failed, which is noted in their `view.json`.
+    /// Views whose scene failed, which is noted in their `skipped.json`.
     pub skipped: usize,
     /// Was the work stopped before all views were made?
     pub is_interrupted: bool,
@@ -66,12 +66,12 @@ impl Job {
             }
             manifest.views = manifest.views.max(found.views);
             if self.folder.join("views").exists() {
-                existing = views(&self.folder)?;
+                existing = records(&self.folder)?;
             }
         }
         let is_complete = |number: &u32| {
             let id = View::id(*number);
-            existing.iter().any(|view| view.identity().id == id)
+            existing.iter().any(|record| record.identity().id == id)
         };
         let (complete, missing): (Vec<u32>, Vec<u32>) =
             self.shard.views(self.views).partition(is_complete);
@@ -139,11 +139,11 @@ impl Plan {
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(&number) = self.missing.get(index) else { return };
                 let made = pairs::make_view(&self.job, number, stop);
-                let mut state = state.lock().expect("no worker panics while it counts");
+                let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
                 let (outcome, failure) = &mut *state;
                 match made {
-                    Ok(Some(View::Rendered(_))) => outcome.rendered += 1,
-                    Ok(Some(View::Skipped(_))) => outcome.skipped += 1,
+                    Ok(Some(Record::Rendered(_))) => outcome.rendered += 1,
+                    Ok(Some(Record::Skipped(_))) => outcome.skipped += 1,
                     Ok(None) => return,
                     Err(error) => {
                         has_failed.store(true, Ordering::Relaxed);
@@ -159,7 +159,7 @@ impl Plan {
                 scope.spawn(|| pool.install(work));
             }
         });
-        let (outcome, failure) = state.into_inner().expect("no worker panics while it counts");
+        let (outcome, failure) = state.into_inner().unwrap_or_else(PoisonError::into_inner);
         match failure {
             Some(error) => Err(error),
             None => {

@@ -1,4 +1,5 @@
-//! What a data set says of itself: `manifest.json` of the whole, `view.json` of each view.
+//! What a data set says of itself: `manifest.json` of the whole, `view.json` of each view with pictures, `skipped.json` of
+//! each of which none could be made.
 
 use super::{Error, at};
 use quietlight_denoise::atomic;
@@ -212,31 +213,9 @@ pub struct Identity {
     pub attempts: u32,
 }
 
-/// `view.json`.
+/// `view.json`: a view with its pictures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum View {
-    /// No pictures could be made.
-    Skipped(SkippedView),
-    /// A view with its pictures.
-    Rendered(RenderedView),
-}
-
-/// A view without pictures: `view.json` has `skipped`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SkippedView {
-    /// Which view.
-    #[serde(flatten)]
-    pub identity: Identity,
-    /// Why.
-    pub skipped: String,
-    /// Wall time of the attempts.
-    pub seconds: f64,
-}
-
-/// A view with its pictures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RenderedView {
+pub struct View {
     /// Which view.
     #[serde(flatten)]
     pub identity: Identity,
@@ -254,15 +233,34 @@ pub struct RenderedView {
     pub seconds: f64,
 }
 
-impl View {
+/// `skipped.json`: a view of which no pictures could be made. To have it tried again, delete the file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SkippedView {
     /// Which view.
-    pub fn identity(&self) -> &Identity {
-        match self {
-            Self::Skipped(view) => &view.identity,
-            Self::Rendered(view) => &view.identity,
-        }
-    }
+    #[serde(flatten)]
+    pub identity: Identity,
+    /// Why.
+    pub reason: String,
+    /// Wall time of the attempts.
+    pub seconds: f64,
+}
 
+/// What became of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Record {
+    /// It has pictures.
+    Rendered(View),
+    /// No pictures could be made.
+    Skipped(SkippedView),
+}
+
+/// Name of the file that says that a view is complete.
+const VIEW: &str = "view.json";
+
+/// Name of the file that says that a view was given up.
+const SKIPPED: &str = "skipped.json";
+
+impl View {
     /// Folder of the view of that id in the data set in `folder`.
     pub fn folder(folder: &Path, id: &str) -> PathBuf {
         folder.join("views").join(id)
@@ -272,41 +270,76 @@ impl View {
     pub fn id(number: u32) -> String {
         format!("{number:06}")
     }
+}
 
-    /// Reads the description of a view; `None` where there is none, because the view is not complete.
-    ///
-    /// # Errors
-    /// [`Error::Io`] and [`Error::Format`] where there is one that cannot be read.
-    pub fn read(folder: &Path, id: &str) -> Result<Option<Self>, Error> {
-        let path = Self::folder(folder, id).join("view.json");
-        if path.exists() { read_json(&path).map(Some) } else { Ok(None) }
+impl Record {
+    /// Which view.
+    pub fn identity(&self) -> &Identity {
+        match self {
+            Self::Rendered(view) => &view.identity,
+            Self::Skipped(view) => &view.identity,
+        }
     }
 
-    /// Writes the description, whole or not at all: from then on the view is complete.
+    /// Reads what became of a view; `None` where nothing has yet.
     ///
     /// # Errors
-    /// [`Error::Io`] where its folder cannot be written.
+    /// [`Error::Io`] and [`Error::Format`] where the file is there and cannot be read.
+    pub fn read(folder: &Path, id: &str) -> Result<Option<Self>, Error> {
+        let folder = View::folder(folder, id);
+        let (view, skipped) = (folder.join(VIEW), folder.join(SKIPPED));
+        if view.exists() {
+            Ok(Some(Self::Rendered(read_json(&view)?)))
+        } else if skipped.exists() {
+            Ok(Some(Self::Skipped(read_json(&skipped)?)))
+        } else {
+            Ok(None)
+        }
+    }
+
+    /// Writes it into the folder of its view, whole or not at all: from then on the view is done.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where that folder cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), Error> {
-        write_json(&Self::folder(folder, &self.identity().id).join("view.json"), self)
+        let folder = View::folder(folder, &self.identity().id);
+        match self {
+            Self::Rendered(view) => write_json(&folder.join(VIEW), view),
+            Self::Skipped(view) => write_json(&folder.join(SKIPPED), view),
+        }
     }
 }
 
-/// The complete views of the data set in `folder`, by their ids.
+/// What became of the views of the data set in `folder`, by their ids; those not done are left out.
 ///
 /// # Errors
-/// [`Error::Io`] and [`Error::Format`] where a folder or a description cannot be read.
-pub fn views(folder: &Path) -> Result<Vec<View>, Error> {
+/// [`Error::Io`] and [`Error::Format`] where a folder or a file cannot be read.
+pub fn records(folder: &Path) -> Result<Vec<Record>, Error> {
     let path = folder.join("views");
     let mut ids = Vec::new();
     for entry in fs::read_dir(&path).map_err(at(&path))? {
         ids.push(entry.map_err(at(&path))?.file_name().to_string_lossy().into_owned());
     }
     ids.sort_unstable();
-    let mut views = Vec::new();
+    let mut records = Vec::new();
     for id in ids {
-        views.extend(View::read(folder, &id)?);
+        records.extend(Record::read(folder, &id)?);
     }
-    Ok(views)
+    Ok(records)
+}
+
+/// The views with pictures of the data set in `folder`, by their ids.
+///
+/// # Errors
+/// As [`records`].
+pub fn views(folder: &Path) -> Result<Vec<View>, Error> {
+    let records = records(folder)?.into_iter();
+    Ok(records
+        .filter_map(|record| match record {
+            Record::Rendered(view) => Some(view),
+            Record::Skipped(_) => None,
+        })
+        .collect())
 }
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
@@ -325,4 +358,105 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Error> {
         file.write_all(b"\n").map_err(io)
     })?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn identity(source: Source) -> Identity {
+        let scene_key = source.scene_key();
+        let split = Split::of(&scene_key);
+        Identity { id: View::id(7), source, scene_key, split, attempts: 2 }
+    }
+
+    /// A view whose numbers have all their digits.
+    fn view() -> View {
+        View {
+            identity: identity(Source::Generated { generated: u64::MAX - 1 }),
+            tags: vec!["glass".to_owned(), "sun \"at noon\"".to_owned()],
+            film: [256, 192],
+            crop: [11, 7, 128, 128],
+            noisy: vec![NoisyFile {
+                file: "noisy-0.exr".to_owned(),
+                spp: 16,
+                seed: (1 << 53) + 1,
+                sha256: "0f".repeat(32),
+            }],
+            reference: ReferenceFile {
+                file: "reference.exr".to_owned(),
+                spp: 2048,
+                seed: 0,
+                sha256: "ab".repeat(32),
+                relative_l2_noise: 1.0 / 3.0 * 1e-3,
+                exposed_relative_l2_noise: f64::MIN_POSITIVE,
+            },
+            seconds: 0.1 + 0.2,
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_again_to_the_last_digit() {
+        let folder = tempfile::tempdir().unwrap();
+        let manifest = Manifest::new(
+            Settings { reference_noise: 1.0 / 3.0, seed: u64::MAX, ..Settings::default() },
+            12,
+        );
+        manifest.write(folder.path()).unwrap();
+        assert_eq!(Manifest::read(folder.path()).unwrap(), manifest);
+        let source = Source::File { file: "a/scene.xml".into(), variation: u64::MAX };
+        let skipped =
+            SkippedView { identity: identity(source), reason: "dark".to_owned(), seconds: 0.7 };
+        fs::create_dir_all(View::folder(folder.path(), "000007")).unwrap();
+        assert_eq!(Record::read(folder.path(), "000007").unwrap(), None);
+        for record in [Record::Skipped(skipped), Record::Rendered(view())] {
+            record.write(folder.path()).unwrap();
+            assert_eq!(Record::read(folder.path(), "000007").unwrap(), Some(record));
+        }
+        assert_eq!(views(folder.path()).unwrap(), [view()]);
+    }
+
+    #[test]
+    fn the_names_in_a_view_are_those_that_python_reads() {
+        let json = serde_json::to_value(view()).unwrap();
+        assert_eq!(json["source"]["generated"], u64::MAX - 1);
+        assert_eq!(json["id"], "000007");
+        assert_eq!(json["noisy"][0]["seed"], (1u64 << 53) + 1);
+        for name in ["scene_key", "split", "tags", "film", "crop", "seconds", "attempts"] {
+            assert!(!json[name].is_null(), "{name}");
+        }
+        assert!(json["reference"]["relative_l2_noise"].is_f64());
+        assert_eq!(serde_json::to_value(Split::Validation).unwrap(), "validation");
+    }
+
+    #[test]
+    fn another_schema_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut manifest = Manifest::new(Settings::default(), 1);
+        manifest.schema += 1;
+        manifest.write(folder.path()).unwrap();
+        let error = Manifest::read(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("schema 2") && error.contains("schema 1"), "{error}");
+    }
+
+    #[test]
+    fn every_setting_that_differs_is_named() {
+        let ours = Settings::default();
+        assert_eq!(ours.differences(&ours), "");
+        let theirs = Settings {
+            seed: 1,
+            scenes: vec!["a.xml".into()],
+            crop: 2,
+            noisy: 4,
+            min_spp: 5,
+            max_spp: 6,
+            reference_spp: 7,
+            reference_noise: 8.0,
+        };
+        let said = ours.differences(&theirs);
+        let names = ["seed", "scenes", "crop", "noisy", "min-spp", "max-spp"];
+        for name in names.into_iter().chain(["reference-spp", "reference-noise"]) {
+            assert!(said.contains(&format!("{name}: ")), "{name} in {said}");
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! One data set out of shards that were made on several machines.
 
-use super::manifest::{Manifest, View, views};
+use super::manifest::{Manifest, Record, View, records};
 use super::{Error, at, sha256};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,8 +14,8 @@ pub struct Merged {
     pub already_there: usize,
 }
 
-/// Copies the complete views of `inputs` into `output`, which may be one of them or hold views already. `view.json` comes
-/// last, so that an interrupted merge can be done again.
+/// Copies the views of `inputs` that are done into `output`, which may be one of them or hold views already. `view.json`
+/// comes last, so that an interrupted merge can be done again.
 ///
 /// # Errors
 /// [`Error::Settings`] where two sets have different settings, [`Error::Conflict`] where they hold different renders of
@@ -27,7 +27,7 @@ pub fn merge(output: &Path, inputs: &[PathBuf]) -> Result<Merged, Error> {
     }
     let mut manifest: Option<Manifest> = None;
     // Each view with the set that it comes from.
-    let mut found: Vec<(View, &Path)> = Vec::new();
+    let mut found: Vec<(Record, &Path)> = Vec::new();
     for folder in all {
         let read = Manifest::read(folder)?;
         match &mut manifest {
@@ -40,35 +40,35 @@ pub fn merge(output: &Path, inputs: &[PathBuf]) -> Result<Merged, Error> {
                 first.views = first.views.max(read.views);
             }
         }
-        found.extend(views(folder)?.into_iter().map(|view| (view, folder)));
+        found.extend(records(folder)?.into_iter().map(|record| (record, folder)));
     }
     // Stable: of equal ids the first set's comes first.
     found.sort_by(|(a, _), (b, _)| a.identity().id.cmp(&b.identity().id));
     let mut merged = Merged::default();
-    let mut chosen: Vec<(View, &Path)> = Vec::new();
-    for (view, folder) in found {
+    let mut chosen: Vec<(Record, &Path)> = Vec::new();
+    for (record, folder) in found {
         match chosen.last() {
-            Some((other, first)) if other.identity().id == view.identity().id => {
-                if !is_same(other, &view) {
+            Some((other, first)) if other.identity().id == record.identity().id => {
+                if !is_same(other, &record) {
                     return Err(Error::Conflict {
-                        id: view.identity().id.clone(),
+                        id: record.identity().id.clone(),
                         first: first.to_path_buf(),
                         second: folder.to_path_buf(),
                     });
                 }
             }
-            _ => chosen.push((view, folder)),
+            _ => chosen.push((record, folder)),
         }
     }
     fs::create_dir_all(output).map_err(at(output))?;
     if let Some(manifest) = manifest {
         manifest.write(output)?;
     }
-    for (view, folder) in chosen {
+    for (record, folder) in chosen {
         if folder == output {
             merged.already_there += 1;
         } else {
-            copy(&view, folder, output)?;
+            copy(&record, folder, output)?;
             merged.copied += 1;
         }
     }
@@ -76,19 +76,21 @@ pub fn merge(output: &Path, inputs: &[PathBuf]) -> Result<Merged, Error> {
 }
 
 /// Are the pictures the same? How long they took may differ.
-fn is_same(a: &View, b: &View) -> bool {
+fn is_same(a: &Record, b: &Record) -> bool {
     match (a, b) {
-        (View::Rendered(a), View::Rendered(b)) => a.noisy == b.noisy && a.reference == b.reference,
-        (View::Skipped(a), View::Skipped(b)) => a.skipped == b.skipped,
+        (Record::Rendered(a), Record::Rendered(b)) => {
+            a.noisy == b.noisy && a.reference == b.reference
+        }
+        (Record::Skipped(a), Record::Skipped(b)) => a.reason == b.reason,
         _ => false,
     }
 }
 
-fn copy(view: &View, from: &Path, to: &Path) -> Result<(), Error> {
-    let id = &view.identity().id;
+fn copy(record: &Record, from: &Path, to: &Path) -> Result<(), Error> {
+    let id = &record.identity().id;
     let (from, folder) = (View::folder(from, id), View::folder(to, id));
     fs::create_dir_all(&folder).map_err(at(&folder))?;
-    if let View::Rendered(view) = view {
+    if let Record::Rendered(view) = record {
         let noisy = view.noisy.iter().map(|noisy| (&noisy.file, &noisy.sha256));
         for (file, expected) in noisy.chain([(&view.reference.file, &view.reference.sha256)]) {
             let (from, to) = (from.join(file), folder.join(file));
@@ -104,5 +106,5 @@ fn copy(view: &View, from: &Path, to: &Path) -> Result<(), Error> {
             fs::write(&to, bytes).map_err(at(&to))?;
         }
     }
-    view.write(to)
+    record.write(to)
 }

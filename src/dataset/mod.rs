@@ -1,16 +1,19 @@
 //! Training pairs: noisy renders of many views, each with a converged render of the same view.
 //!
 //! A data set is a folder. Its `manifest.json` holds the [`Settings`] of the whole set; each view has a folder of its own,
-//! `views/ID`, with noisy renders, a reference and, written last, a `view.json` (see [`manifest`]). A view without a
-//! `view.json` is half-written and made again.
+//! `views/ID`, with noisy renders, a reference and, written last, a `view.json` (see [`manifest`]); or a `skipped.json` where
+//! no pictures could be made. A view with neither is half-written and made again.
 //!
 //! Views are numbered, and everything random about view `k` comes from the base seed and `k`: any machine can make any
 //! view, and a [`Shard`] of the views on each of several machines gives the same bits as one machine.
 
+pub mod contact_sheet;
+pub mod export;
 mod exposure;
 pub mod generator;
 mod make;
 pub mod manifest;
+pub mod merge;
 mod pairs;
 mod seed;
 mod sha256;
@@ -19,7 +22,7 @@ mod space;
 mod variation;
 
 pub use make::{Job, Outcome, Plan};
-pub use manifest::{Manifest, Settings, View};
+pub use manifest::{Manifest, Record, Settings, View};
 pub use shard::Shard;
 
 use std::path::{Path, PathBuf};

@@ -1,18 +1,20 @@
 //! One view: its scene, its window, its noisy renders and its reference.
 
 use super::exposure;
+use super::generator::generate;
 use super::make::Job;
 use super::manifest::{
-    Identity, NoisyFile, ReferenceFile, RenderedView, Settings, SkippedView, Source, Split, View,
+    Identity, NoisyFile, Record, ReferenceFile, Settings, SkippedView, Source, Split, View,
 };
 use super::seed::{Dice, Purpose, ViewSeed};
 use super::{Error, at, sha256, variation};
 use crate::render::{RenderSettings, Rendered, Rendering, render};
-use crate::scene::Scene;
+use crate::scene::{LoadOptions, Scene};
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
 use quietlight_denoise::{Image, Layer, LayerKind, Layers};
 use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -28,10 +30,9 @@ const PILOT_SAMPLES: u32 = 4;
 const MOST_ATTEMPTS: u32 = 16;
 
 /// A scene with what is known of it.
-pub(super) struct Candidate {
-    pub(super) scene: Scene,
-    pub(super) source: Source,
-    pub(super) tags: Vec<String>,
+struct Candidate {
+    scene: Scene,
+    tags: Vec<String>,
 }
 
 /// Why there is no candidate.
@@ -42,12 +43,16 @@ pub(super) enum Refusal {
     Broken(String),
 }
 
-/// Makes view `number` of `job`: its files, and `view.json` last. `None` when `stop` became true before it was complete;
+/// Makes view `number` of `job`: its files, and last the one that says that it is done. `None` when `stop` became true before it was complete;
 /// then nothing is left of it.
 ///
 /// # Errors
-/// Only where files cannot be written. A scene that fails makes a [`View::Skipped`].
-pub(super) fn make_view(job: &Job, number: u32, stop: &AtomicBool) -> Result<Option<View>, Error> {
+/// Only where files cannot be written. A scene that fails makes a [`Record::Skipped`].
+pub(super) fn make_view(
+    job: &Job,
+    number: u32,
+    stop: &AtomicBool,
+) -> Result<Option<Record>, Error> {
     let start = Instant::now();
     let id = View::id(number);
     let folder = View::folder(&job.folder, &id);
@@ -59,38 +64,34 @@ pub(super) fn make_view(job: &Job, number: u32, stop: &AtomicBool) -> Result<Opt
     fs::create_dir_all(&folder).map_err(at(&folder))?;
 
     let mut attempts = 0;
-    let view = loop {
+    let record = loop {
         let seed = ViewSeed::new(job.settings.seed, number, attempts);
         attempts += 1;
         let source = source(&job.settings, number, seed);
         let scene_key = source.scene_key();
         let split = Split::of(&scene_key);
-        let identity =
-            Identity { id: id.clone(), source: source.clone(), scene_key, split, attempts };
-        let refusal = match candidate(job, &id, source, seed) {
-            Ok(candidate) => match try_view(job, &folder, candidate, &identity, seed, stop)? {
-                Tried::Rendered(mut view) => {
-                    view.seconds = start.elapsed().as_secs_f64();
-                    break View::Rendered(*view);
-                }
-                Tried::Interrupted => {
-                    clear()?;
-                    return Ok(None);
-                }
-                Tried::Refused(reason) => Refusal::Again(reason.to_owned()),
-            },
-            Err(refusal) => refusal,
+        let identity = Identity { id: id.clone(), source, scene_key, split, attempts };
+        let refusal = match attempt(job, &folder, &identity, seed, stop)? {
+            Tried::Rendered(mut view) => {
+                view.seconds = start.elapsed().as_secs_f64();
+                break Record::Rendered(*view);
+            }
+            Tried::Interrupted => {
+                clear()?;
+                return Ok(None);
+            }
+            Tried::Refused(refusal) => refusal,
         };
-        let skipped = match refusal {
+        let reason = match refusal {
             Refusal::Again(_) if attempts < MOST_ATTEMPTS => continue,
             Refusal::Again(reason) => format!("{attempts} attempts failed, the last: {reason}"),
             Refusal::Broken(reason) => reason,
         };
         let seconds = start.elapsed().as_secs_f64();
-        break View::Skipped(SkippedView { identity, skipped, seconds });
+        break Record::Skipped(SkippedView { identity, reason, seconds });
     };
-    view.write(&job.folder)?;
-    Ok(Some(view))
+    record.write(&job.folder)?;
+    Ok(Some(record))
 }
 
 /// Where a view comes from: the given scenes in turn, or the generator.
@@ -105,17 +106,36 @@ fn source(settings: &Settings, number: u32, seed: ViewSeed) -> Source {
 }
 
 /// The scene of a source.
-fn candidate(job: &Job, id: &str, source: Source, seed: ViewSeed) -> Result<Candidate, Refusal> {
-    let _ = id;
-    match &source {
-        Source::Generated { .. } => Err(Refusal::Broken("no generator".to_owned())),
+fn candidate(job: &Job, identity: &Identity, seed: ViewSeed) -> Result<Candidate, Refusal> {
+    match &identity.source {
+        Source::Generated { generated } => {
+            let broken = |error: &dyn std::fmt::Display| Refusal::Broken(error.to_string());
+            // Not kept unless asked for: it goes away with `temporary`.
+            let temporary = tempfile::tempdir().map_err(|error| broken(&error))?;
+            let kept = job.folder.join("scenes").join(&identity.id);
+            if job.keep_scenes && kept.exists() {
+                fs::remove_dir_all(&kept).map_err(|error| broken(&error))?;
+            }
+            let folder = if job.keep_scenes { &kept } else { temporary.path() };
+            let generated = generate(*generated, folder).map_err(|error| broken(&error))?;
+            let size = large_enough(generated.film, job.settings.crop);
+            let options = LoadOptions { size, ..LoadOptions::default() };
+            let scene = Scene::load(&generated.scene, &options).map_err(|error| broken(&error))?;
+            Ok(Candidate { scene, tags: generated.tags })
+        }
         Source::File { file, variation } => {
-            let mut dice = Dice::new(seed.derive(Purpose::Film));
-            let film = film(job.settings.crop, &mut dice);
+            let film = film(job.settings.crop, &mut Dice::new(seed.derive(Purpose::Film)));
             let scene = variation::vary(file, film, *variation)?;
-            Ok(Candidate { scene, source, tags: Vec::new() })
+            Ok(Candidate { scene, tags: Vec::new() })
         }
     }
+}
+
+/// Another size for a film that is smaller than the crop window, of the same format.
+fn large_enough(film: [u32; 2], crop: u32) -> Option<(u32, u32)> {
+    let short = film[0].min(film[1]);
+    let scaled = |side: u32| (u64::from(side) * u64::from(crop)).div_ceil(u64::from(short)) as u32;
+    (short > 0 && short < crop).then(|| (scaled(film[0]), scaled(film[1])))
 }
 
 /// Width and height of a film about twice as long as the crop window, in a format from square to 16:9, sometimes upright.
@@ -126,12 +146,35 @@ fn film(crop: u32, dice: &mut Dice) -> [u32; 2] {
     if dice.chance(0.2) { [short, long] } else { [long, short] }
 }
 
-/// What became of a candidate.
+/// What became of an attempt.
 enum Tried {
-    Rendered(Box<RenderedView>),
-    /// It shows nothing to learn from, for this reason.
-    Refused(&'static str),
+    Rendered(Box<View>),
+    Refused(Refusal),
     Interrupted,
+}
+
+/// Makes the scene and renders it. A panic on the way is a fault of the program, but no reason to end a run of days: it is
+/// noted like a broken scene.
+fn attempt(
+    job: &Job,
+    folder: &Path,
+    identity: &Identity,
+    seed: ViewSeed,
+    stop: &AtomicBool,
+) -> Result<Tried, Error> {
+    or_panic_noted(|| match candidate(job, identity, seed) {
+        Ok(candidate) => try_view(job, folder, candidate, identity, seed, stop),
+        Err(refusal) => Ok(Tried::Refused(refusal)),
+    })
+}
+
+/// Does the work; a panic becomes a refusal.
+fn or_panic_noted(work: impl FnOnce() -> Result<Tried, Error>) -> Result<Tried, Error> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let said = panic.downcast_ref::<String>().map(String::as_str);
+        let said = said.or(panic.downcast_ref::<&str>().copied()).unwrap_or("without a message");
+        Ok(Tried::Refused(Refusal::Broken(format!("the program panicked: {said}"))))
+    })
 }
 
 /// Places the window, judges the view by a few samples, and renders it.
@@ -143,7 +186,7 @@ fn try_view(
     seed: ViewSeed,
     stop: &AtomicBool,
 ) -> Result<Tried, Error> {
-    let Candidate { mut scene, tags, .. } = candidate;
+    let Candidate { mut scene, tags } = candidate;
     let settings = &job.settings;
     let mut dice = Dice::new(seed.derive(Purpose::Choices));
     scene.film.crop = window([scene.film.width, scene.film.height], settings.crop, &mut dice);
@@ -162,7 +205,7 @@ fn try_view(
         return Ok(Tried::Interrupted);
     }
     if let Some(reason) = fault(&pilot.layers) {
-        return Ok(Tried::Refused(reason));
+        return Ok(Tried::Refused(Refusal::Again(reason.to_owned())));
     }
 
     let mut noisy = Vec::new();
@@ -203,7 +246,7 @@ fn try_view(
         relative_l2_noise: noise.plain,
         exposed_relative_l2_noise: noise.exposed,
     };
-    Ok(Tried::Rendered(Box::new(RenderedView {
+    Ok(Tried::Rendered(Box::new(View {
         identity: identity.clone(),
         tags,
         film: [scene.film.width, scene.film.height],
@@ -268,14 +311,18 @@ fn fault(layers: &Layers) -> Option<&'static str> {
     (is_even && is_flat(LayerKind::Albedo) && is_flat(LayerKind::Normal)).then_some("constant")
 }
 
-/// Largest standard deviation of any channel among the means of 8×8 blocks.
+/// Largest standard deviation of any channel among the means of about 8×8 blocks of the image, of any size: large enough
+/// that the noise of few samples averages out.
 fn spread(image: &Image) -> f64 {
-    const SIDE: usize = 8;
+    let (_, height, width) = image.dim();
+    let block = (height.div_ceil(8), width.div_ceil(8));
     let deviation = |plane: ndarray::ArrayView2<'_, f32>| {
         let means: Vec<f64> = plane
-            .exact_chunks((SIDE, SIDE))
+            .exact_chunks(block)
             .into_iter()
-            .map(|block| block.iter().map(|&value| f64::from(value)).sum::<f64>() / 64.0)
+            .map(|block| {
+                block.iter().map(|&value| f64::from(value)).sum::<f64>() / block.len() as f64
+            })
             .collect();
         let count = means.len().max(1) as f64;
         let mean = means.iter().sum::<f64>() / count;
@@ -293,18 +340,19 @@ fn write(
     identity: &Identity,
     settings: &RenderSettings,
 ) -> Result<String, Error> {
-    let facts = [
-        ("scene", identity.scene_key.clone()),
-        ("view", identity.id.clone()),
-        ("integrator", "path".to_owned()),
-        ("strategy", format!("{:?}", settings.integrator.strategy)),
-        ("sampler", format!("{:?}", settings.sampler)),
-        ("seed", settings.seed.to_string()),
-        ("samples", rendered.samples.to_string()),
-        ("invalid_samples", rendered.invalid_samples.to_string()),
-        ("version", env!("CARGO_PKG_VERSION").to_owned()),
-    ];
-    rendered.layers.metadata.extend(facts.map(|(name, value)| (name.to_owned(), value)));
+    // One attribute for all facts: the order of several in an EXR file is not the same from run to run.
+    let facts = format!(
+        "view {} of {}, path tracing, {:?}, {:?}, seed {}, {} samples, {} invalid, version {}",
+        identity.id,
+        identity.scene_key,
+        settings.integrator.strategy,
+        settings.sampler,
+        settings.seed,
+        rendered.samples,
+        rendered.invalid_samples,
+        env!("CARGO_PKG_VERSION"),
+    );
+    rendered.layers.metadata.insert("render".to_owned(), facts);
     let [left, top, ..] = scene.film.crop.map(|number| number as i32);
     let frame = Frame {
         offset: (left, top),
@@ -316,4 +364,119 @@ fn write(
     let path = folder.join(file);
     exr::write(&path, &rendered.layers, &options)?;
     Ok(sha256::hexadecimal(&fs::read(&path).map_err(at(&path))?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_noted_with_what_it_said() {
+        for (work, expected) in [
+            ((|| panic!("plain words")) as fn() -> Result<Tried, Error>, "plain words"),
+            (|| panic!("{} digits", std::hint::black_box(2)), "2 digits"),
+            (|| std::panic::panic_any(7), "without a message"),
+        ] {
+            match or_panic_noted(work) {
+                Ok(Tried::Refused(Refusal::Broken(reason))) => {
+                    assert!(reason.contains(expected), "{reason}");
+                }
+                _ => panic!("{expected} went unnoticed"),
+            }
+        }
+    }
+
+    #[test]
+    fn films_hold_the_window_and_differ_in_format() {
+        let mut dice = Dice::new(4);
+        let films: Vec<[u32; 2]> = (0..300).map(|_| film(128, &mut dice)).collect();
+        for [width, height] in &films {
+            assert!(width.min(height) >= &128 && width.max(height) <= &283, "{width}x{height}");
+        }
+        let upright = films.iter().filter(|[width, height]| height > width).count();
+        // 60 ± 4 standard deviations of √(300 · 0.16), and one film or the other is square.
+        assert!((30..=90).contains(&upright), "{upright}");
+        let widest = films.iter().map(|[w, h]| f64::from(*w) / f64::from(*h)).fold(0.0, f64::max);
+        assert!((1.6..1.79).contains(&widest), "{widest}");
+    }
+
+    #[test]
+    fn windows_reach_every_edge_of_the_film_and_stay_on_it() {
+        let mut dice = Dice::new(4);
+        let windows: Vec<_> = (0..500).map(|_| window([20, 16], 12, &mut dice)).collect();
+        assert!(windows.iter().all(|&[x, y, w, h]| (w, h) == (12, 12) && x <= 8 && y <= 4));
+        for (x, y) in [(0, 0), (8, 4), (0, 4), (8, 0)] {
+            assert!(windows.iter().any(|window| window[..2] == [x, y]), "{x},{y}");
+        }
+        assert_eq!(window([20, 6], 12, &mut dice)[1..], [0, 12, 6]);
+    }
+
+    #[test]
+    fn a_film_smaller_than_the_window_grows_in_its_format() {
+        assert_eq!(large_enough([256, 192], 128), None);
+        assert_eq!(large_enough([256, 192], 256), Some((342, 256)));
+        assert_eq!(large_enough([100, 200], 128), Some((128, 256)));
+    }
+
+    #[test]
+    fn sample_counts_are_log_uniform() {
+        let settings = Settings::default();
+        let mut dice = Dice::new(1);
+        let counts: Vec<u32> = (0..4000).map(|_| sample_count(&settings, &mut dice)).collect();
+        assert!(counts.iter().all(|count| (1..=256).contains(count)));
+        // Rounded, a count is at most 15 with probability ln 15.5 / ln 256 = 0.4943; 1 alone with ln 1.5 / ln 256 = 0.0731.
+        // 4 standard deviations of √(p (1 − p) / 4000).
+        for (most, expected, bound) in [(15, 0.4943, 0.0317), (1, 0.0731, 0.0165)] {
+            let part = counts.iter().filter(|&&count| count <= most).count() as f64 / 4000.0;
+            assert!((part - expected).abs() < bound, "{most}: {part}");
+        }
+        let fixed = Settings { min_spp: 7, max_spp: 7, ..settings };
+        assert_eq!(sample_count(&fixed, &mut dice), 7);
+    }
+
+    #[test]
+    fn the_noise_of_a_dark_picture_is_that_of_the_same_picture_at_middle_grey() {
+        let beauty = |light: f32| Layer {
+            mean: Image::from_elem((3, 8, 8), light),
+            variance: Some(Image::from_elem((3, 8, 8), 0.01 * light * light)),
+            halves: None,
+        };
+        let [dark, grey, bright] = [0.001, 0.18, 20.0].map(|light| Noise::of(&beauty(light)));
+        // 0.01 x² / (x² + 0.01) at x = 0.18.
+        let expected = 0.01 * 0.0324 / 0.0424;
+        assert!((grey.plain / expected - 1.0).abs() < 1e-5, "{}", grey.plain);
+        assert!((dark.exposed / expected - 1.0).abs() < 1e-5, "{}", dark.exposed);
+        assert!(dark.plain < 1e-5, "as it is, the constant hides the noise: {}", dark.plain);
+        assert_eq!(bright.plain, bright.exposed);
+    }
+
+    /// Layers of 32×32 pixels.
+    fn layers(light: impl Fn(usize) -> f32, albedo: impl Fn(usize) -> f32, depth: f32) -> Layers {
+        let mut layers = Layers { width: 32, height: 32, ..Layers::default() };
+        let mut insert = |kind: LayerKind, value: &dyn Fn(usize) -> f32| {
+            let channels = kind.components().len();
+            let mean = Image::from_shape_fn((channels, 32, 32), |(_, _, x)| value(x));
+            layers.layers.insert(kind, Layer { mean, variance: None, halves: None });
+        };
+        insert(LayerKind::Beauty, &light);
+        insert(LayerKind::Albedo, &albedo);
+        insert(LayerKind::Normal, &|_| 0.6);
+        insert(LayerKind::Depth, &|_| depth);
+        layers
+    }
+
+    #[test]
+    fn views_that_show_nothing_are_told_from_dark_or_plain_ones() {
+        let faulty = |light: f32| fault(&layers(|_| light, |_| 0.5, 1.0));
+        assert_eq!(faulty(0.0), Some("nearly black"));
+        assert_eq!(faulty(1e-6), Some("constant"), "dark as it is, it is not black");
+        assert_eq!(
+            fault(&layers(|x| x as f32, |_| 0.5, 0.0)),
+            Some("nothing but background in view")
+        );
+        // A shadow on a plain wall, a painted wall in even light, one pixel in eight lit.
+        assert_eq!(fault(&layers(|x| if x < 16 { 1e-4 } else { 2e-4 }, |_| 0.5, 1.0)), None);
+        assert_eq!(fault(&layers(|_| 1.0, |x| if x < 16 { 0.2 } else { 0.3 }, 1.0)), None);
+        assert_eq!(fault(&layers(|x| if x < 4 { 1e-3 } else { 0.0 }, |_| 0.5, 1.0)), None);
+    }
 }

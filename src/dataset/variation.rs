@@ -104,3 +104,92 @@ impl Variation {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::{RenderSettings, render};
+    use glam::Vec3;
+    use quietlight_denoise::{Image, LayerKind};
+    use std::path::PathBuf;
+    use std::sync::atomic::AtomicBool;
+
+    fn own(name: &str) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
+    }
+
+    fn varied(file: &Path, seed: u64) -> Scene {
+        match vary(file, [40, 30], seed) {
+            Ok(scene) => scene,
+            Err(Refusal::Again(reason) | Refusal::Broken(reason)) => panic!("{reason}"),
+        }
+    }
+
+    /// One sample a pixel.
+    fn layer(scene: &Scene, kind: LayerKind) -> Image {
+        let settings = RenderSettings { samples: 1, ..RenderSettings::default() };
+        let rendered = render(scene, &settings, &|_| {}, &AtomicBool::new(false));
+        rendered.layers.layers[&kind].mean.clone()
+    }
+
+    #[test]
+    fn a_seed_decides_camera_lights_and_materials() {
+        for name in ["cornell-box", "mis-plates", "still-life"] {
+            let [a, b, c] = [1, 1, 2].map(|seed| varied(&own(name), seed));
+            for kind in [LayerKind::Beauty, LayerKind::Albedo, LayerKind::Position] {
+                assert_eq!(layer(&a, kind), layer(&b, kind), "{name} {kind:?}");
+                assert_ne!(layer(&a, kind), layer(&c, kind), "{name} {kind:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn cameras_stay_outside_of_things_and_see_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.xml");
+        std::fs::write(
+            &file,
+            r#"<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="40"/>
+            <transform name="to_world"><lookat origin="0,0,3" target="0,0,0" up="0,1,0"/></transform></sensor>
+            <shape type="sphere"/><emitter type="constant"/></scene>"#,
+        )
+        .unwrap();
+        let mut sides = [0; 2];
+        for seed in 0..60 {
+            let scene = varied(&file, seed);
+            let place = scene.camera.center() + scene.origin.as_vec3();
+            assert!(place.length() > 1.0, "{place} is inside of the sphere");
+            sides[usize::from(place.x > 0.0)] += 1;
+            let seen = layer(&scene, LayerKind::Depth).iter().filter(|&&depth| depth > 0.0).count();
+            // A sixth of the pixels: the grid that judged is coarser than the film.
+            assert!(seen > 40 * 30 / 10, "{seen} pixels of the sphere from {place}");
+        }
+        assert!(sides.iter().all(|&count| count > 10), "from the left and the right: {sides:?}");
+    }
+
+    #[test]
+    fn most_of_what_may_change_does() {
+        let original = Scene::load(&own("still-life"), &LoadOptions::default()).unwrap();
+        let at = |scene: &Scene, material: usize| {
+            let at = crate::geometry::Interaction {
+                part: 0,
+                position: Vec3::ZERO,
+                error: Vec3::ZERO,
+                normal: Vec3::Z,
+                shading_normal: Vec3::Z,
+                uv: glam::Vec2::splat(0.3),
+                dp_du: Vec3::X,
+                dp_dv: Vec3::Y,
+            };
+            scene.materials[material].bsdf(&at).albedo()
+        };
+        let changed = (0..40)
+            .map(|seed| {
+                let scene = varied(&own("still-life"), seed);
+                assert_eq!(scene.materials.len(), original.materials.len());
+                (0..scene.materials.len()).filter(|&i| at(&scene, i) != at(&original, i)).count()
+            })
+            .sum::<usize>();
+        assert!(changed > 40, "{changed} changed albedos in 40 variations");
+    }
+}

@@ -26,13 +26,13 @@ impl Description {
             let factor = changes.emitter();
             match light {
                 Light::Point { intensity, .. } | Light::Spot { intensity, .. } => {
-                    *intensity = *intensity * factor;
+                    *intensity *= factor;
                 }
                 Light::Infinite(Emitter::Directional { irradiance, .. }) => {
-                    *irradiance = *irradiance * factor;
+                    *irradiance *= factor;
                 }
                 Light::Infinite(Emitter::Environment(environment)) => match environment {
-                    Environment::Constant(colour) => *colour = *colour * factor,
+                    Environment::Constant(colour) => *colour *= factor,
                     Environment::Map(map) => {
                         **map = map.changed(factor, changes.environment_turn());
                     }
@@ -58,6 +58,80 @@ fn scaled(texture: &Texture, factor: Rgb) -> Texture {
             let textures =
                 board.textures.as_ref().each_ref().map(|texture| scaled(texture, factor));
             Texture::Checkerboard(Checkerboard { textures: Box::new(textures), ..board.clone() })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::{RenderSettings, render};
+    use crate::scene::{LoadOptions, Scene};
+    use quietlight_denoise::{Image, LayerKind};
+    use std::path::{Path, PathBuf};
+    use std::sync::atomic::AtomicBool;
+
+    /// The same changes everywhere; without `reflectance` models stay.
+    struct Same {
+        factor: f32,
+        reflectance: Option<f32>,
+    }
+
+    impl Changes for Same {
+        fn emitter(&mut self) -> Rgb {
+            Rgb::splat(self.factor)
+        }
+        fn environment_turn(&mut self) -> f64 {
+            0.0
+        }
+        fn model(&mut self, model: Model) -> Model {
+            self.reflectance.map_or(model, |reflectance| Model::Diffuse(reflectance.into()))
+        }
+    }
+
+    fn own(name: &str) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
+    }
+
+    fn layer(scene: &Scene, kind: LayerKind) -> Image {
+        let settings = RenderSettings { samples: 2, ..RenderSettings::default() };
+        let rendered = render(scene, &settings, &|_| {}, &AtomicBool::new(false));
+        rendered.layers.layers[&kind].mean.clone()
+    }
+
+    #[test]
+    fn twice_the_light_makes_twice_the_picture() {
+        // Emission is linear, all emitters keep their probabilities, and a factor of 2 rounds nothing.
+        let options = LoadOptions { size: Some((24, 20)), ..LoadOptions::default() };
+        for name in ["cornell-box", "mis-plates", "still-life", "caustic-pool", "furnace"] {
+            let original = Scene::load(&own(name), &options).unwrap();
+            let mut changes = Same { factor: 2.0, reflectance: None };
+            let (scene, camera) = Scene::load_changed(&own(name), &options, &mut changes).unwrap();
+            let (once, twice) =
+                (layer(&original, LayerKind::Beauty), layer(&scene, LayerKind::Beauty));
+            assert!(once.iter().any(|&value| value > 0.0), "{name} is black");
+            assert_eq!(once * 2.0, twice, "{name}");
+            let center = camera.to_world.w_axis.truncate().as_vec3();
+            assert_eq!(center, original.camera.center(), "{name}");
+        }
+    }
+
+    #[test]
+    fn every_model_is_asked_about() {
+        let options = LoadOptions { size: Some((24, 20)), ..LoadOptions::default() };
+        for name in ["mis-plates", "still-life", "cornell-box-glass", "ajar-door"] {
+            let mut changes = Same { factor: 1.0, reflectance: Some(0.25) };
+            let (scene, _) = Scene::load_changed(&own(name), &options, &mut changes).unwrap();
+            let albedo = layer(&scene, LayerKind::Albedo);
+            let depth = layer(&scene, LayerKind::Depth);
+            for ((channel, y, x), &value) in albedo.indexed_iter() {
+                // Of two samples none, one or both met a surface.
+                let met = [0.0, 0.125, 0.25].contains(&value);
+                assert!(
+                    met && (value > 0.0) == (depth[[0, y, x]] > 0.0),
+                    "{name} {value} {channel}"
+                );
+            }
         }
     }
 }

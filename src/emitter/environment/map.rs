@@ -422,4 +422,29 @@ mod tests {
         assert!(matches!(transform, EnvironmentError::Transform { .. }));
         assert!(EnvironmentMap::new([5, 4], texels(), 1.0, DMat3::IDENTITY * -3.0).is_ok());
     }
+
+    #[test]
+    fn a_changed_map_is_turned_around_its_poles_and_scaled() {
+        let texels = (0..32).map(|i| Rgb::new(i as f32, 1.0, (i * 7 % 5) as f32)).collect();
+        let tilt = DMat3::from_rotation_x(0.4);
+        let map = EnvironmentMap::new([8, 4], texels, 1.0, tilt).unwrap();
+        let turn = 0.9;
+        let changed = map.changed(Rgb::new(2.0, 0.5, 1.0), turn);
+        let turned = (tilt * DMat3::from_rotation_y(turn) * tilt.transpose()).as_mat3();
+        for i in 0..200 {
+            let u = Vec2::new(i as f32 * 0.618 % 1.0, i as f32 / 200.0);
+            let direction = warp::square_to_sphere(u);
+            let expected = map.radiance(direction) * Rgb::new(2.0, 0.5, 1.0);
+            let found = changed.radiance(turned * direction);
+            for (a, b) in expected.to_array().into_iter().zip(found.to_array()) {
+                // Directions are rounded to 1e-7, a texel of up to 62 is 0.8 wide.
+                assert!((a - b).abs() < 1e-4, "{a} {b} towards {direction}");
+            }
+            if let Some((direction, radiance, pdf)) = changed.sample(u) {
+                assert_eq!((radiance, pdf), changed.radiance_and_pdf(direction));
+            }
+        }
+        let grey = map.changed(Rgb::splat(3.0), 0.0);
+        assert!((grey.fluence / map.fluence - 3.0).abs() < 1e-6);
+    }
 }
