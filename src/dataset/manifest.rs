@@ -3,6 +3,7 @@
 
 use super::{Error, at};
 use quietlight_denoise::atomic;
+use quietlight_denoise::sha256::sha256;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -158,13 +159,10 @@ pub enum Split {
 }
 
 impl Split {
-    /// One scene in this many is for validation.
-    const VALIDATION_SHARE: u8 = 16;
-
-    /// The split of all views of a scene, by the first byte of the SHA-256 of its key.
+    /// The split of all views of a scene, by the second digit of the SHA-256 of its key: one scene in sixteen validates.
     pub fn of(scene_key: &str) -> Self {
-        let [first, ..] = super::sha256::digest(scene_key.as_bytes());
-        if first.is_multiple_of(Self::VALIDATION_SHARE) { Self::Validation } else { Self::Train }
+        let digest = sha256(scene_key.as_bytes());
+        if digest.as_bytes()[1] == b'0' { Self::Validation } else { Self::Train }
     }
 }
 

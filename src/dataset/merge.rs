@@ -1,7 +1,8 @@
 //! One data set out of shards that were made on several machines.
 
 use super::manifest::{Manifest, Record, View, records};
-use super::{Error, at, sha256};
+use super::{Error, at};
+use quietlight_denoise::sha256::sha256;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -95,7 +96,7 @@ fn copy(record: &Record, from: &Path, to: &Path) -> Result<(), Error> {
         for (file, expected) in noisy.chain([(&view.reference.file, &view.reference.sha256)]) {
             let (from, to) = (from.join(file), folder.join(file));
             let bytes = fs::read(&from).map_err(at(&from))?;
-            let found = sha256::hexadecimal(&bytes);
+            let found = sha256(&bytes);
             if found != *expected {
                 return Err(Error::Format {
                     path: from,

@@ -16,7 +16,6 @@ pub mod manifest;
 pub mod merge;
 mod pairs;
 mod seed;
-mod sha256;
 mod shard;
 mod space;
 mod variation;

@@ -7,10 +7,11 @@ use super::manifest::{
     Identity, NoisyFile, Record, ReferenceFile, Settings, SkippedView, Source, Split, View,
 };
 use super::seed::{Dice, Purpose, ViewSeed};
-use super::{Error, at, sha256, variation};
+use super::{Error, at, variation};
 use crate::render::{RenderSettings, Rendered, Rendering, render};
 use crate::scene::{LoadOptions, Scene};
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
+use quietlight_denoise::sha256::sha256;
 use quietlight_denoise::variance::estimated_relative_l2;
 use quietlight_denoise::{Image, Layer, LayerKind, Layers};
 use std::fs;
@@ -363,7 +364,7 @@ fn write(
     let options = WriteOptions { picture: None, halves, frame: Some(frame) };
     let path = folder.join(file);
     exr::write(&path, &rendered.layers, &options)?;
-    Ok(sha256::hexadecimal(&fs::read(&path).map_err(at(&path))?))
+    Ok(sha256(&fs::read(&path).map_err(at(&path))?))
 }
 
 #[cfg(test)]
