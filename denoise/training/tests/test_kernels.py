@@ -137,10 +137,20 @@ def test_pixels_outside_an_odd_image_have_no_weight_in_the_coarser_level():
     torch.testing.assert_close(coarse[0, 0], expected)
 
 
-def test_the_gradients_of_the_pyramid_are_those_of_finite_differences():
-    levels = [level.requires_grad_() for level in random_levels(5, 7, scale=1.0)]
-    image = torch.rand(1, 1, 5, 7, dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(lambda image, *levels: apply_pyramid(list(levels), image), (image, *levels))
+@pytest.mark.parametrize(("height", "width", "fast"), [(3, 5, False), (11, 13, True)])
+def test_the_gradients_of_the_pyramid_are_those_of_finite_differences(height, width, fast):
+    # The full Jacobian of a tiny image (no more padding than is read), random projections of that of a larger one.
+    sizes = [(height, width)]
+    for _ in range(3):
+        sizes.append(tuple(map(halved, sizes[-1])))
+    levels = [
+        level[..., : 2 * halved(rows), : 2 * halved(columns)].clone().requires_grad_()
+        for level, (rows, columns) in zip(random_levels(height, width, scale=1.0), sizes, strict=True)
+    ]
+    image = torch.rand(1, 1, height, width, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(
+        lambda image, *levels: apply_pyramid(list(levels), image), (image, *levels), fast_mode=fast
+    )
 
 
 def test_the_gradients_of_a_kernel_are_those_of_finite_differences():
