@@ -109,12 +109,12 @@ impl View {
     }
 
     /// How much there is to see: the entropy (nats) of what rays meet, told apart by part, facing and distance. Less where
-    /// much is too near, or flies off into nothing.
+    /// much is too near, flies off into nothing, or is seen from behind, as from within a solid.
     pub(super) fn score(&self, scene: &Scene) -> f64 {
         let Some(camera) = self.camera(scene, PROBES) else { return f64::NEG_INFINITY };
         let reach = self.origin.distance(self.target);
         let mut seen: BTreeMap<(u32, [i8; 3], i32), u32> = BTreeMap::new();
-        let (mut near, mut lost) = (0.0, 0.0);
+        let (mut near, mut lost, mut inside) = (0.0, 0.0, 0.0);
         for (x, y) in (0..PROBES[0] * PROBES[1]).map(|i| (i % PROBES[0], i / PROBES[0])) {
             let raster = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let ray = camera.ray(raster, Vec2::splat(0.5));
@@ -124,6 +124,9 @@ impl View {
                     let at = scene.geometry.interaction(&ray, &hit);
                     if f64::from(hit.t) < 0.25 * reach {
                         near += 1.0;
+                    }
+                    if at.normal.dot(ray.direction) > 0.0 {
+                        inside += 1.0;
                     }
                     let facing = at.shading_normal.to_array().map(|c| (c * 1.5).round() as i8);
                     let distance = (3.0 * f64::from(hit.t).ln()).floor() as i32;
@@ -139,7 +142,7 @@ impl View {
                 -share * share.ln()
             })
             .sum();
-        entropy - 4.0 * near / total - 2.0 * (lost / total - 0.3).max(0.0)
+        entropy - 4.0 * near / total - 2.0 * inside / total - 2.0 * (lost / total - 0.3).max(0.0)
     }
 
     /// The `<sensor>`.

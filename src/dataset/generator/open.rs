@@ -22,16 +22,7 @@ pub(super) fn build(stage: &mut Stage, random: &mut Random) -> Result<(), Error>
     let mut set = Set { radius, stage, random };
     set.stage.camera_box =
         (DVec3::new(-8.0 * radius, 0.04 * radius, -8.0 * radius), DVec3::splat(8.0 * radius));
-    match set.random.integer(0, 13) {
-        0..=3 => set.ground()?,
-        4 | 5 => set.backdrop()?,
-        6 | 7 => set.terrace()?,
-        8 => set.terrain()?,
-        9 => set.plates()?,
-        10 => set.pool()?,
-        11 => set.glassware()?,
-        _ => set.table_top()?,
-    }
+    set.build()?;
     set.light()
 }
 
@@ -43,6 +34,20 @@ struct Set<'a> {
 }
 
 impl Set<'_> {
+    fn build(&mut self) -> Result<(), Error> {
+        let builds: [(f64, fn(&mut Self) -> Result<(), Error>); 8] = [
+            (4.0, Self::ground),
+            (2.0, Self::backdrop),
+            (2.0, Self::terrace),
+            (1.0, Self::terrain),
+            (1.0, Self::plates),
+            (1.0, Self::pool),
+            (1.2, Self::glassware),
+            (2.3, Self::table_top),
+        ];
+        self.random.weighted(&builds)(self)
+    }
+
     /// A floor of this half-extent.
     fn floor(&mut self, half: f64) -> Result<(), Error> {
         let mesh = solid::sheet(1, 2.0 * half, |_, _| 0.0);

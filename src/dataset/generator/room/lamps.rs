@@ -24,79 +24,112 @@ impl Room<'_> {
     }
 
     fn lamp(&mut self) -> Result<(), Error> {
+        let lamps: [(f64, fn(&mut Self) -> Result<(), Error>); 11] = [
+            (3.0, Self::ceiling_panel),
+            (1.0, Self::ceiling_strip),
+            (1.0, Self::bulbs),
+            (1.0, Self::shaded_bulb),
+            (1.0, Self::beam),
+            (1.0, Self::uplight),
+            (1.0, Self::row),
+            (1.0, Self::sconce),
+            (1.0, Self::cove),
+            (1.0, Self::partition),
+            (1.0, Self::screen),
+        ];
+        self.random.weighted(&lamps)(self)
+    }
+
+    /// A place in the upper part of the room.
+    fn above(&mut self) -> DVec3 {
         let half = self.half();
-        let top = self.size.y;
-        let at = self.random.point(
-            DVec3::new(-0.75 * half.x, 0.55 * top, -0.75 * half.z),
-            DVec3::new(0.75 * half.x, 0.9 * top, 0.75 * half.z),
-        );
-        let ceiling = DVec3::new(at.x, top - 0.02, at.z);
-        match self.random.integer(0, 12) {
-            10 => self.cove()?,
-            11 => self.partition()?,
-            12 => self.screen(),
-            0..=2 => {
-                let (u, v) = (self.random.log_uniform(0.1, 0.8), self.random.log_uniform(0.1, 0.8));
-                let limit = DVec2::new(0.9 * half.x - at.x.abs(), 0.9 * half.z - at.z.abs());
-                let (u, v) = (u.min(limit.x.max(0.05)), v.min(limit.y.max(0.05)));
-                self.panel(ceiling, DVec3::X * u, DVec3::Z * v);
-            }
-            3 => {
-                let length = self.random.uniform(0.3, 0.7) * half.x;
-                let ceiling = DVec3::new(0.0, ceiling.y, ceiling.z);
-                self.panel(ceiling, DVec3::X * length, DVec3::Z * 0.02);
-                self.stage.tag("strip-light");
-            }
-            4 => {
-                for _ in 0..self.random.integer(1, 4) {
-                    let low = DVec3::new(-0.8 * half.x, 0.6 * top, -0.8 * half.z);
-                    let high = DVec3::new(0.8 * half.x, 0.92 * top, 0.8 * half.z);
-                    let at = self.random.point(low, high);
-                    let radius = self.random.log_uniform(0.015, 0.2);
-                    self.bulb(at, radius, 12.0);
-                }
-            }
-            5 => {
-                let size = self.random.uniform(0.12, 0.3);
-                let shade = object::lampshade(self.random, size);
-                let moved = shade.transformed(&DMat4::from_translation(at));
-                self.stage.place(&moved, self.random)?;
-                self.bulb(at, 0.04, 12.0);
-            }
-            6 => {
-                let target = DVec3::new(-0.3 * at.x, 0.0, -0.3 * at.z);
-                lighting::lamp(self.stage, self.random, at, target);
-            }
-            7 => {
-                // A plate between lamp and room: only the ceiling and the wall are lit directly.
-                let reach = self.random.uniform(0.2, 0.5);
-                let plate =
-                    Form::Rectangle { center: at, u: DVec3::Z * reach, v: DVec3::X * reach };
-                self.place(&Object::of(Role::Furniture, plate))?;
-                let above = at + DVec3::Y * 0.08;
-                let radiance = colour::light(self.random) * 12.0 / (reach * reach);
-                let (u, v) = (DVec3::Z * 0.6 * reach, DVec3::X * 0.6 * reach);
-                self.stage.add_shining(Form::Rectangle { center: above, u, v }, radiance);
-                self.stage.tag("hidden-light");
-            }
-            8 => {
-                // Small lights of very different sizes in a row.
-                for k in 0..4 {
-                    let x = (f64::from(k) / 3.0 - 0.5) * 1.2 * half.x;
-                    let radius = 0.01 * 2.2_f64.powi(k);
-                    self.bulb(DVec3::new(x, 0.85 * top, -0.6 * half.z), radius, 4.0);
-                }
-                self.stage.tag("several-lights");
-            }
-            _ => {
-                let wall = DVec3::new(at.x, 0.6 * top, -half.z + 0.03);
-                let (u, v) = (self.random.uniform(0.1, 0.5), self.random.uniform(0.05, 0.4));
-                let radiance = colour::light(self.random) * (4.0 / (u * v));
-                let form = Form::Rectangle { center: wall, u: DVec3::X * u, v: DVec3::Y * v };
-                self.stage.add_shining(form, radiance);
-                self.stage.tag("area-light");
-            }
+        let low = DVec3::new(-0.75 * half.x, 0.55 * half.y, -0.75 * half.z);
+        self.random.point(low, DVec3::new(0.75 * half.x, 0.9 * half.y, 0.75 * half.z))
+    }
+
+    /// A rectangle in the ceiling, from a hand's breadth to most of it.
+    fn ceiling_panel(&mut self) -> Result<(), Error> {
+        let (half, at) = (self.half(), self.above());
+        let (u, v) = (self.random.log_uniform(0.08, 1.6), self.random.log_uniform(0.08, 1.6));
+        let limit = DVec2::new(0.9 * half.x - at.x.abs(), 0.9 * half.z - at.z.abs());
+        let (u, v) = (u.min(limit.x.max(0.05)), v.min(limit.y.max(0.05)));
+        let center = DVec3::new(at.x, half.y - 0.02, at.z);
+        self.panel(center, DVec3::X * u, DVec3::Z * v);
+        Ok(())
+    }
+
+    fn ceiling_strip(&mut self) -> Result<(), Error> {
+        let (half, at) = (self.half(), self.above());
+        let length = self.random.uniform(0.3, 0.7) * half.x;
+        let center = DVec3::new(0.0, half.y - 0.02, at.z);
+        self.panel(center, DVec3::X * length, DVec3::Z * 0.02);
+        self.stage.tag("strip-light");
+        Ok(())
+    }
+
+    fn bulbs(&mut self) -> Result<(), Error> {
+        for _ in 0..self.random.integer(1, 4) {
+            let at = self.above();
+            let radius = self.random.log_uniform(0.015, 0.2);
+            self.bulb(at, radius, 12.0);
         }
+        Ok(())
+    }
+
+    /// A bulb in a shade.
+    fn shaded_bulb(&mut self) -> Result<(), Error> {
+        let at = self.above();
+        let size = self.random.uniform(0.12, 0.3);
+        let shade = object::lampshade(self.random, size);
+        let moved = shade.transformed(&DMat4::from_translation(at));
+        self.stage.place(&moved, self.random)?;
+        self.bulb(at, 0.04, 12.0);
+        Ok(())
+    }
+
+    /// A point or spot light.
+    fn beam(&mut self) -> Result<(), Error> {
+        let at = self.above();
+        let target = DVec3::new(-0.3 * at.x, 0.0, -0.3 * at.z);
+        lighting::lamp(self.stage, self.random, at, target);
+        Ok(())
+    }
+
+    /// A lamp over a plate: only the ceiling and the upper walls are lit directly.
+    fn uplight(&mut self) -> Result<(), Error> {
+        let at = self.above();
+        let reach = self.random.uniform(0.2, 0.5);
+        let plate = Form::Rectangle { center: at, u: DVec3::Z * reach, v: DVec3::X * reach };
+        self.place(&Object::of(Role::Furniture, plate))?;
+        let center = at + DVec3::Y * 0.08;
+        let radiance = colour::light(self.random) * 12.0 / (reach * reach);
+        let (u, v) = (DVec3::Z * 0.6 * reach, DVec3::X * 0.6 * reach);
+        self.stage.add_shining(Form::Rectangle { center, u, v }, radiance);
+        self.stage.tag("hidden-light");
+        Ok(())
+    }
+
+    /// Lights of equal power and very different size in a row.
+    fn row(&mut self) -> Result<(), Error> {
+        let half = self.half();
+        for k in 0..4 {
+            let x = (f64::from(k) / 3.0 - 0.5) * 1.2 * half.x;
+            let radius = 0.01 * 2.2_f64.powi(k);
+            self.bulb(DVec3::new(x, 0.85 * half.y, -0.6 * half.z), radius, 4.0);
+        }
+        self.stage.tag("several-lights");
+        Ok(())
+    }
+
+    /// A rectangle on the back wall.
+    fn sconce(&mut self) -> Result<(), Error> {
+        let (half, at) = (self.half(), self.above());
+        let center = DVec3::new(at.x, 0.6 * half.y, -half.z + 0.03);
+        let (u, v) = (self.random.uniform(0.1, 0.5), self.random.uniform(0.05, 0.4));
+        let radiance = colour::light(self.random) * (4.0 / (u * v));
+        let form = Form::Rectangle { center, u: DVec3::X * u, v: DVec3::Y * v };
+        self.stage.add_shining(form, radiance);
+        self.stage.tag("area-light");
         Ok(())
     }
 
@@ -144,7 +177,7 @@ impl Room<'_> {
     }
 
     /// A coloured panel that glows on a side wall: a screen or a sign.
-    fn screen(&mut self) {
+    fn screen(&mut self) -> Result<(), Error> {
         let half = self.half();
         let side = if self.random.chance(0.5) { 1.0 } else { -1.0 };
         let center = DVec3::new(
@@ -159,6 +192,7 @@ impl Room<'_> {
         let form = Form::Rectangle { center, u: DVec3::Z * (u * side), v: DVec3::Y * v };
         self.stage.add_shining(form, hue * (2.0 / (u * v)).min(40.0));
         self.stage.tag("screen");
+        Ok(())
     }
 
     /// A rectangle that shines downward with a power of some watts per colour.
