@@ -196,10 +196,7 @@ fn collect(path: &Path, mut file: File) -> Result<Found, Error> {
                     format!("{bounds:?}, as the other layers have, without subsampling"),
                 ));
             }
-            plane
-                .iter_mut()
-                .zip(samples.values_as_f32())
-                .for_each(|(pixel, value)| *pixel = value);
+            plane.iter_mut().zip(samples.values_as_f32()).for_each(|(pixel, value)| *pixel = value);
         }
         images.insert(part, image);
     }

@@ -20,7 +20,7 @@ pub(super) fn apply<const C: usize>(
     signal: &[f32],
 ) -> Vec<f32> {
     let radius = size / 2;
-    let mut image = Bordered::<C>::new([height, width], radius);
+    let mut image = Bordered::<C>::new([height, width], radius, width);
     let insides: [_; C] = std::array::from_fn(|channel| image.inside(channel));
     image.rows_mut().zip(signal.par_chunks(C * width)).for_each(|(row, source)| {
         for (inside, source) in insides.iter().zip(source.chunks(width)) {

@@ -22,6 +22,7 @@ mod tile;
 mod transform;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use buffers::Buffers;
@@ -149,25 +150,7 @@ impl Denoiser {
             _ => pyramid::GRID,
         };
         let tiles = grid.tiles(buffers.width, buffers.height);
-        let mut picture = Picture::new(&buffers);
-        let mut network_time = Duration::ZERO;
-        let steps = (tiles.len() * networks.len()) as f32;
-        for (number, network) in networks.iter().enumerate() {
-            let mut input = Vec::new();
-            for (index, tile) in tiles.iter().enumerate() {
-                let is_last = index + 1 == tiles.len();
-                let (filtered, time) =
-                    filter_tile(network, &picture, tile, &mut input, is_last, threads)?;
-                network_time += time;
-                threads.install(|| picture.add(tile, &filtered));
-                progress((number * tiles.len() + index + 1) as f32 / steps);
-            }
-        }
-        for branch in Branch::ALL {
-            if networks.iter().all(|network| network.branch != branch) {
-                threads.install(|| picture.add_noisy(branch));
-            }
-        }
+        let (picture, network_time) = reconstruct(&buffers, &networks, &tiles, threads, progress)?;
         let (image, fractions) = threads.install(|| picture.finish());
         if let Some(((channel, y, x), _)) =
             image.indexed_iter().find(|(_, value)| !value.is_finite())
@@ -188,14 +171,45 @@ impl Denoiser {
     }
 }
 
+/// Filters all tiles by all networks, and adds what is not filtered. Returns the picture, not yet mixed with the noisy one,
+/// and the time in the networks.
+fn reconstruct<'a>(
+    buffers: &'a Buffers<'a>,
+    networks: &[Arc<Network>],
+    tiles: &[Tile],
+    threads: &rayon::ThreadPool,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<(Picture<'a>, Duration), Error> {
+    let mut picture = threads.install(|| Picture::new(buffers));
+    let mut network_time = Duration::ZERO;
+    let steps = (tiles.len() * networks.len()) as f32;
+    let mut done = 0.0;
+    for network in networks {
+        let mut input = Vec::new();
+        for tile in tiles {
+            let (filtered, time) = filter_tile(network, &picture, tile, &mut input, threads)?;
+            network_time += time;
+            threads.install(|| picture.add(tile, &filtered));
+            done += 1.0;
+            progress(done / steps);
+        }
+        network.release_memory()?;
+    }
+    for branch in Branch::ALL {
+        if networks.iter().all(|network| network.branch != branch) {
+            threads.install(|| picture.add_noisy(branch));
+        }
+    }
+    Ok((picture, network_time))
+}
+
 /// Runs a network over a tile and applies its kernels. Returns the filtered signal and the time in the network. `input` is
-/// memory for the network's channels; `is_last` tells that no tile follows.
+/// memory for the network's channels.
 fn filter_tile(
     network: &Network,
     picture: &Picture<'_>,
     tile: &Tile,
     input: &mut Vec<f32>,
-    is_last: bool,
     threads: &rayon::ThreadPool,
 ) -> Result<(Filtered, Duration), Error> {
     let (branch, kind) = (network.branch, network.kind);
@@ -207,7 +221,7 @@ fn filter_tile(
         picture.signal(branch, kind, tile)
     });
     let start = Instant::now();
-    network.run(input, tile.padded, is_last, |logits| {
+    network.run(input, tile.padded, |logits| {
         let time = start.elapsed();
         let signal = threads.install(|| {
             if picture.has_noise() {

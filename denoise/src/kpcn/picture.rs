@@ -84,7 +84,8 @@ impl<'a> Picture<'a> {
             let source = &filtered.signal[start..start + channels * own_width];
             for x in tile.core_columns.clone() {
                 let mut light = Light::default();
-                for (channel, number) in light.as_flattened_mut()[..channels].iter_mut().enumerate() {
+                for (channel, number) in light.as_flattened_mut()[..channels].iter_mut().enumerate()
+                {
                     *number = source[channel * own_width + x - tile.columns.start];
                 }
                 let light = part.radiance(light, y * width + x);
