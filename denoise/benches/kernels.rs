@@ -40,9 +40,8 @@ fn kernels(criterion: &mut Criterion) {
     for size in [5, 21] {
         let logits = random(size * size * SIDE * SIDE, 4.0);
         group.bench_function(format!("{size}x{size}"), |bencher| {
-            bencher.iter(|| {
-                apply_kernel::<CHANNELS>(black_box(&logits), [SIDE, SIDE], size, &signal)
-            });
+            bencher
+                .iter(|| apply_kernel::<CHANNELS>(black_box(&logits), [SIDE, SIDE], size, &signal));
         });
     }
     group.finish();

@@ -15,8 +15,9 @@
 //! cross products: for `r_A = A − x̂_A` and `r_B = B − x̂_B` the squared bias of `x̂` is `E[r_A r_B]`, its variance
 //! `E[(x̂_A − x̂_B)²]/4`, and `d² = r_A r_B + (r_A − r_B)²/4`. What the formula leaves out is that the weights themselves follow the noise.
 //!
-//! Sums are over the channels and over a window, each term over `x̂² + ε`: the relative L2 that we are judged by
-//! ([`metrics`](crate::metrics)).
+//! Sums are over the channels and over a window, each term over `y² + ε`, the relative L2 that we are judged by
+//! ([`metrics`](crate::metrics)), with the mixture `y` itself for the reference: first `x̂`, then what comes of it, in a few
+//! rounds where anything is given back.
 //!
 //! The estimate is itself noisy where samples are few, and a mistaken mixture brings noise back into a good picture. So
 //! the part that is given back, `1 − w = H/Σd²` with `H = Σ (d² − a (a − K a))`, is multiplied by `max(0, 1 − (c s/H)²)`,
@@ -37,16 +38,14 @@ const RADIUS: usize = 7;
 /// Pixels across one pass of the window.
 const SIDE: f64 = (2 * RADIUS + 1) as f64;
 
+/// Rounds in which the mixture stands for the reference: the third changes little.
+const ROUNDS: usize = 3;
+
+/// Where everything is denoised by more than this, the mixture is the denoised image for the reference's purpose.
+const NEARLY_ALL: f32 = 0.95;
+
 /// Standard deviations `c` by which harm must stand out.
 const CERTAINTY: f64 = 2.0;
-
-/// What is known of the harm in each pixel, not yet summed over windows.
-#[derive(Clone, Debug)]
-pub struct Evidence {
-    width: usize,
-    /// `d² − a (a − K a)`, `d²` and `4 d² a² + 2 a⁴`, each over its denominator.
-    terms: [Vec<f64>; 3],
-}
 
 /// How much of the denoised image there is in the mixture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,80 +56,81 @@ pub struct Fractions {
     pub mostly_noisy: f64,
 }
 
-/// What one pixel tells, summed over its channels: of its noisy and denoised colour, a sample of the noise, and the same
-/// filtered by the weights that denoised the pixel.
-#[inline]
-pub fn terms(
-    noisy: [f32; 3],
-    denoised: [f32; 3],
-    noise: [f32; 3],
-    filtered_noise: [f32; 3],
-) -> [f64; 3] {
-    let mut sums = [0.0; 3];
-    for channel in 0..3 {
-        let [x, y, a, filtered] =
-            [noisy, denoised, noise, filtered_noise].map(|colour| f64::from(colour[channel]));
-        let weight = 1.0 / (y * y + RELATIVE_L2_EPSILON);
-        let change = (y - x) * (y - x);
-        let noise = a * a;
-        sums[0] += weight * (change - a * (a - filtered));
-        sums[1] += weight * change;
-        sums[2] += weight * weight * (4.0 * change * noise + 2.0 * noise * noise);
-    }
-    sums
+/// What is known of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixel {
+    /// The noisy colour `x`.
+    pub noisy: [f32; 3],
+    /// The denoised colour `x̂`.
+    pub denoised: [f32; 3],
+    /// A sample `a` of the noise of `x`.
+    pub noise: [f32; 3],
+    /// The same filtered by the weights that denoised the pixel, `K a`.
+    pub filtered_noise: [f32; 3],
 }
 
-impl Evidence {
-    /// Of an image of that size, of which `terms` gives the [`terms`] of a pixel by its index, row after row.
-    pub fn of(width: usize, height: usize, terms: impl Fn(usize) -> [f64; 3] + Sync) -> Self {
-        let mut planes = [(); 3].map(|()| vec![0.0; width * height]);
-        let [harm, change, chance] = &mut planes;
+impl Pixel {
+    /// `d² − a (a − K a)`, `d²` and `4 d² a² + 2 a⁴`, each over its denominator, summed over the channels; `part` is the
+    /// part of the denoised colour in what stands for the reference.
+    #[inline]
+    fn terms(&self, part: f32) -> [f64; 3] {
+        let mut sums = [0.0; 3];
+        for channel in 0..3 {
+            let [x, y, a, filtered] = [self.noisy, self.denoised, self.noise, self.filtered_noise]
+                .map(|colour| f64::from(colour[channel]));
+            let reference = x + f64::from(part) * (y - x);
+            let weight = 1.0 / (reference * reference + RELATIVE_L2_EPSILON);
+            let change = (y - x) * (y - x);
+            let noise = a * a;
+            sums[0] += weight * (change - a * (a - filtered));
+            sums[1] += weight * change;
+            sums[2] += weight * weight * (4.0 * change * noise + 2.0 * noise * noise);
+        }
+        sums
+    }
+}
+
+/// The part `w` of the denoised image in each pixel of an image of that size, in `[0, 1]`; `pixel` tells of a pixel by its
+/// index, row after row.
+pub fn denoised_parts(
+    width: usize,
+    height: usize,
+    pixel: impl Fn(usize) -> Pixel + Sync,
+) -> Vec<f32> {
+    let mut parts = vec![1.0_f32; width * height];
+    for _ in 0..ROUNDS {
+        let [mut harm, mut change, mut chance] = [(); 3].map(|()| vec![0.0; width * height]);
         let rows = harm.par_chunks_mut(width).zip(change.par_chunks_mut(width));
         let rows = rows.zip(chance.par_chunks_mut(width)).enumerate();
         rows.for_each(|(y, ((harm, change), chance))| {
             for x in 0..width {
-                [harm[x], change[x], chance[x]] = terms(y * width + x);
+                let index = y * width + x;
+                [harm[x], change[x], chance[x]] = pixel(index).terms(parts[index]);
             }
         });
-        Self { width, terms: planes }
-    }
-
-    /// Of a noisy and a denoised image, a sample of the noise, and the same filtered by the weights that denoised the
-    /// image; each `[3, height, width]`.
-    pub fn of_images(
-        noisy: &Image,
-        denoised: &Image,
-        noise: &Image,
-        filtered_noise: &Image,
-    ) -> Self {
-        let (_, height, width) = noisy.dim();
-        Self::of(width, height, |pixel| {
-            let (y, x) = (pixel / width, pixel % width);
-            let colour = |image: &Image| [0, 1, 2].map(|channel| image[[channel, y, x]]);
-            terms(colour(noisy), colour(denoised), colour(noise), colour(filtered_noise))
-        })
-    }
-
-    /// Mixes: `denoised` becomes `noisy + w (denoised − noisy)`. Both are `[3, height, width]`.
-    pub fn blend(self, noisy: &Image, denoised: &mut Image) -> Fractions {
-        let width = self.width;
-        let [harm, change, chance] = self.terms.map(|terms| tent(&terms, width));
-        let (_, height, _) = denoised.dim();
-        let mut part = vec![1.0_f32; width * height];
-        part.par_iter_mut().enumerate().for_each(|(pixel, part)| {
+        let [harm, change, chance] = [harm, change, chance].map(|plane| tent(&plane, width));
+        parts.par_iter_mut().enumerate().for_each(|(pixel, part)| {
             *part = denoised_part(harm[pixel], change[pixel], chance[pixel]) as f32;
         });
-        for (mut out, noisy) in denoised.outer_iter_mut().zip(noisy.outer_iter()) {
-            for ((out, &noisy), &part) in out.iter_mut().zip(noisy).zip(&part) {
-                // Exactly the one or the other at the ends.
-                *out = noisy * (1.0 - part) + *out * part;
-            }
+        if parts.par_iter().all(|&part| part > NEARLY_ALL) {
+            break;
         }
-        let pixels = part.len() as f64;
-        Fractions {
-            mean: part.iter().map(|&part| f64::from(part)).sum::<f64>() / pixels,
-            mostly_noisy: part.iter().filter(|&&part| part < 0.5).count() as f64 / pixels,
+    }
+    parts
+}
+
+/// Mixes: `denoised` becomes `noisy + w (denoised − noisy)`. Both are `[3, height, width]`, `parts` has a `w` for each pixel.
+pub fn mix(noisy: &Image, denoised: &mut Image, parts: &[f32]) -> Fractions {
+    for (mut out, noisy) in denoised.outer_iter_mut().zip(noisy.outer_iter()) {
+        for ((out, &noisy), &part) in out.iter_mut().zip(noisy).zip(parts) {
+            // Exactly the one or the other at the ends.
+            *out = noisy * (1.0 - part) + *out * part;
         }
+    }
+    let count = parts.len() as f64;
+    Fractions {
+        mean: parts.iter().map(|&part| f64::from(part)).sum::<f64>() / count,
+        mostly_noisy: parts.iter().filter(|&&part| part < 0.5).count() as f64 / count,
     }
 }
 
@@ -267,6 +267,23 @@ mod tests {
         }
     }
 
+    /// Mixes a denoised image with the noisy one.
+    fn blend(noisy: &Image, denoised: &mut Image, noise: &Image, filtered: &Image) -> Fractions {
+        let (_, height, width) = noisy.dim();
+        let parts = denoised_parts(width, height, |pixel| {
+            let colour = |image: &Image| {
+                [0, 1, 2].map(|channel| image[[channel, pixel / width, pixel % width]])
+            };
+            Pixel {
+                noisy: colour(noisy),
+                denoised: colour(denoised),
+                noise: colour(noise),
+                filtered_noise: colour(filtered),
+            }
+        });
+        mix(noisy, denoised, &parts)
+    }
+
     /// Relative L2 of noisy, denoised and mixed image at a noise of `deviation`, of one realisation.
     fn errors(deviation: f32, seed: u64, truth: &Image) -> [f64; 3] {
         let deviations = truth.mapv(|value| deviation * value);
@@ -275,7 +292,7 @@ mod tests {
         let noise = deviations.mapv(|d| if normal.next() < 0.0 { -d } else { d });
         let denoised = filter(&noisy);
         let mut mixed = denoised.clone();
-        Evidence::of_images(&noisy, &denoised, &noise, &filter(&noise)).blend(&noisy, &mut mixed);
+        blend(&noisy, &mut mixed, &noise, &filter(&noise));
         [&noisy, &denoised, &mixed].map(|image| relative_l2(image, truth).unwrap())
     }
 
@@ -313,13 +330,7 @@ mod tests {
         let image = |value| Image::from_elem((3, 5, 4), value);
         let blend = |noisy: f32, denoised: f32, noise: f32| {
             let mut mixed = image(denoised);
-            let evidence = Evidence::of_images(
-                &image(noisy),
-                &image(denoised),
-                &image(noise),
-                &image(0.5 * noise),
-            );
-            let fractions = evidence.blend(&image(noisy), &mut mixed);
+            let fractions = blend(&image(noisy), &mut mixed, &image(noise), &image(0.5 * noise));
             (mixed[[0, 2, 2]], fractions.mean)
         };
         // Without noise every change is harm; without change there is none.
@@ -344,7 +355,7 @@ mod tests {
         noise.slice_mut(ndarray::s![.., 15, 15]).fill(700.0);
         let mut mixed = denoised.clone();
         let filtered = Image::zeros((3, 31, 31));
-        Evidence::of_images(&noisy, &denoised, &noise, &filtered).blend(&noisy, &mut mixed);
+        blend(&noisy, &mut mixed, &noise, &filtered);
         assert_eq!(mixed, denoised);
     }
 }

@@ -1,10 +1,10 @@
 //! `quietlight doctor`: is this machine fit, and does everything work from end to end?
 
 use super::Failure;
+use super::render::thread_pool;
 use crate::integrator::{PathTracing, Strategy};
 use crate::render::{RenderSettings, render};
 use crate::scene::{LoadOptions, Scene};
-use super::render::thread_pool;
 use anyhow::{Context, anyhow, ensure};
 use quietlight_denoise::exr::{self, WriteOptions};
 use quietlight_denoise::{LayerKind, bilateral, kpcn};

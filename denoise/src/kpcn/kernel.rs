@@ -13,7 +13,7 @@ pub(super) const GRID: Grid = Grid { multiple: 1, overlap: 28, most_pixels: 256 
 
 /// Filters the `C` channels of `signal`, `[height, C, width]`, by `logits`, `[size², height, width]`, row-major in the
 /// taps; returns the shape of the signal.
-pub(super) fn apply<const C: usize>(
+pub fn apply<const C: usize>(
     logits: &[f32],
     [height, width]: [usize; 2],
     size: usize,

@@ -27,10 +27,12 @@ use std::time::{Duration, Instant};
 
 use buffers::Buffers;
 pub use channels::{KERNEL, PYRAMID};
+pub use kernel::apply as apply_kernel;
 pub use library::{Origin, PATH_VARIABLE};
 pub use model::{Entry, Model, Quality, entries};
 pub use network::{Branch, Kind, Network, PROVIDER, Runtime, runtime};
 use picture::{Filtered, Picture, WITH_NOISE, WITHOUT_NOISE};
+pub use pyramid::{OUTPUTS as PYRAMID_OUTPUTS, apply as apply_pyramid};
 use tile::Tile;
 pub use transform::EPSILON;
 
@@ -44,6 +46,8 @@ use crate::sanitize::Sanitised;
 pub struct Denoiser {
     /// Of the diffuse and of the specular branch.
     models: [Model; 2],
+    /// Whether the result is mixed with the noisy picture where filtering harms.
+    mixes: bool,
 }
 
 /// What was done.
@@ -55,7 +59,7 @@ pub struct Report {
     pub spatial_variance: Vec<LayerKind>,
     /// Branches whose network ran; the others had no light.
     pub branches: Vec<Branch>,
-    /// How the result was mixed with the noisy picture; `None` where no variance tells of the noise, so that it was not.
+    /// How the result was mixed with the noisy picture; `None` where it was not, for no variance tells of the noise.
     pub fractions: Option<Fractions>,
     /// Tiles that the picture was cut into.
     pub tiles: usize,
@@ -81,7 +85,7 @@ impl Denoiser {
     /// [`Error::Model`] where there are none or they are damaged.
     pub fn embedded(quality: Quality) -> Result<Self, Error> {
         let [diffuse, specular] = Branch::ALL.map(|branch| Model::embedded(quality, branch));
-        Ok(Self { models: [diffuse?, specular?] })
+        Ok(Self { models: [diffuse?, specular?], mixes: true })
     }
 
     /// A user's own weights, of the diffuse and the specular branch in any order.
@@ -108,7 +112,12 @@ impl Denoiser {
                 specular.refused(found, &format!("{:?} as in {}", first.kind, diffuse.name))
             );
         }
-        Ok(Self { models: [diffuse, specular] })
+        Ok(Self { models: [diffuse, specular], mixes: true })
+    }
+
+    /// The same networks, whose result is left as it is: to judge them by themselves.
+    pub fn without_mixing(self) -> Self {
+        Self { mixes: false, ..self }
     }
 
     /// The weights of the diffuse and of the specular branch.
@@ -151,7 +160,10 @@ impl Denoiser {
         };
         let tiles = grid.tiles(buffers.width, buffers.height);
         let (picture, network_time) = reconstruct(&buffers, &networks, &tiles, threads, progress)?;
-        let (image, fractions) = threads.install(|| picture.finish());
+        let (image, fractions) = threads.install(|| match self.mixes {
+            true => picture.finish(),
+            false => (picture.denoised(), None),
+        });
         if let Some(((channel, y, x), _)) =
             image.indexed_iter().find(|(_, value)| !value.is_finite())
         {

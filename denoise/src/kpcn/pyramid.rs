@@ -33,7 +33,7 @@ const DOWN: usize = FINE * FINE + COARSE * COARSE;
 /// What the network gives for each level: channels, and the binary logarithm of how much smaller than the picture they
 /// are. The finest level comes by space to depth, as the network works at half the resolution: channel `4 c + 2 dy + dx`
 /// of the half-sized pixel `P` is logit `c` of pixel `2 P + (dx, dy)`.
-pub(super) const OUTPUTS: [(usize, usize); LEVELS] =
+pub const OUTPUTS: [(usize, usize); LEVELS] =
     [(4 * (DOWN + 1), 1), (DOWN + 1, 1), (DOWN + 1, 2), (FINE * FINE, 3)];
 
 /// How tiles are cut. The network halves the picture and pools three times, hence the multiple of 16.
@@ -45,7 +45,7 @@ pub(super) const GRID: Grid = Grid { multiple: 16, overlap: 128, most_pixels: 1 
 
 /// Filters the `C` channels of `signal`, `[height, C, width]`, by the network's [`OUTPUTS`] for a picture of the size
 /// `padded`, and returns the shape of the signal.
-pub(super) fn apply<const C: usize>(
+pub fn apply<const C: usize>(
     logits: &[&[f32]],
     padded: [usize; 2],
     size: [usize; 2],
