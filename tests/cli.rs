@@ -118,6 +118,82 @@ fn bad_input_exits_with_2_says_where_and_writes_nothing() {
     );
 }
 
+/// A tiny random network of the tests of `denoise`.
+fn network(branch: &str) -> String {
+    let name = format!("kpcn-unit-{branch}.onnx");
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("denoise/tests/fixtures");
+    folder.join(name).display().to_string()
+}
+
+#[test]
+fn networks_of_the_users_own_denoise_and_say_so() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (scene, diffuse, specular) =
+        (own_scene("cornell-box"), network("diffuse"), network("specular"));
+    let models = ["--model", &diffuse, "--model", &specular];
+    let render = ["render", &scene, "--size", "40x30", "--spp", "4", "-o", "first.exr", "--json"];
+    let done = quietlight(&[&render[..], &models].concat(), folder.path());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let outcome: serde_json::Value =
+        serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    assert_eq!(outcome["denoiser"]["denoiser"], "kpcn");
+    let metadata =
+        exr::read(&folder.path().join("first.exr")).expect("the EXR is whole").layers.metadata;
+    assert_eq!(metadata["denoiser.quality"], "own files");
+    for (branch, path) in [("diffuse", &diffuse), ("specular", &specular)] {
+        let bytes = std::fs::read(path).expect("the fixture is there");
+        let sha256 = quietlight_denoise::sha256::sha256(&bytes);
+        assert_eq!(metadata[&format!("denoiser.{branch}.sha256")], sha256);
+    }
+    assert!(metadata["denoiser.mixture"].contains("denoised on average"));
+
+    // The same from the file, whose halves were not written.
+    let denoise = ["denoise", "first.exr", "-o", "second.exr", "--threads", "1"];
+    let done = quietlight(&[&denoise[..], &models].concat(), folder.path());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    assert!(text(&done.stdout).contains("denoised by neural networks"), "{}", text(&done.stdout));
+    let [first, second] = ["first.exr", "second.exr"]
+        .map(|name| read_picture(&folder.path().join(name)).expect("the EXR is whole"));
+    assert_eq!(first, second);
+}
+
+#[test]
+fn networks_that_cannot_run_are_an_error_or_a_warning() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (scene, diffuse) = (own_scene("cornell-box"), network("diffuse"));
+    std::fs::write(folder.path().join("no.onnx"), "no network").expect("the file is written");
+    let render = ["render", &scene, "--size", "16x16", "--spp", "2", "-o", "out.exr"];
+    for (more, said) in [
+        (vec!["--model", &diffuse], "two files"),
+        (vec!["--model", &diffuse, "--model", &diffuse], "the branch 'diffuse'"),
+        (vec!["--model", "no.onnx", "--model", &diffuse], "no.onnx"),
+        (vec!["--model", "none.onnx", "--model", &diffuse], "none.onnx"),
+        (vec!["--denoiser", "bilateral", "--model", &diffuse], "--model is for"),
+    ] {
+        let done = quietlight(&[&render[..], &more].concat(), folder.path());
+        assert_eq!(done.status.code(), Some(2), "{more:?}: {}", text(&done.stderr));
+        assert!(text(&done.stderr).contains(said), "{more:?}: {}", text(&done.stderr));
+        assert!(!folder.path().join("out.exr").exists(), "refused before the render");
+    }
+    let specular = network("specular");
+    let without_library = |more: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_quietlight"))
+            .args([&render[..], more].concat())
+            .current_dir(folder.path())
+            .env("ORT_DYLIB_PATH", "/nowhere/libonnxruntime.so")
+            .output()
+            .expect("the binary runs")
+    };
+    let done = without_library(&["--denoiser", "kpcn"]);
+    assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
+    let done = without_library(&["--model", &diffuse, "--model", &specular]);
+    assert!(text(&done.stderr).contains("/nowhere/libonnxruntime.so"), "{}", text(&done.stderr));
+    let done = without_library(&[]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("warning: the bilateral filter"), "{}", text(&done.stderr));
+    assert!(text(&done.stdout).contains("bilateral"), "{}", text(&done.stdout));
+}
+
 #[test]
 fn inspect_doctor_completions_and_replay_answer() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -131,6 +207,7 @@ fn inspect_doctor_completions_and_replay_answer() {
     assert!(text(&done.stdout).contains("left out"), "{}", text(&done.stdout));
     let done = quietlight(&["doctor"], folder.path());
     assert!(done.status.success() && text(&done.stdout).contains("SIMD"), "{}", text(&done.stderr));
+    assert!(text(&done.stdout).contains("onnxruntime"), "{}", text(&done.stdout));
     let done = quietlight(&["completions", "bash"], folder.path());
     assert!(text(&done.stdout).contains("quietlight"));
     let done =

@@ -59,8 +59,11 @@ impl Denoising {
                     .bad_input();
                 };
                 let networks =
-                    kpcn::Denoiser::from_files([first, second], threads.current_num_threads())
-                        .bad_input()?;
+                    kpcn::Denoiser::from_files([first, second], threads.current_num_threads());
+                let networks = networks.map_err(|error| match error {
+                    Error::OnnxRuntime(_) => Failure::Failed(error.into()),
+                    _ => Failure::BadInput(error.into()),
+                })?;
                 Ok(Some(Self::Kpcn { networks, quality: None }))
             }
             Denoiser::Kpcn => match embedded(networks.quality) {

@@ -7,6 +7,7 @@ use crate::film::Film;
 use crate::geometry::Part;
 use crate::scene::Requirements;
 use quietlight_denoise::LayerKind;
+use quietlight_denoise::kpcn::{self, Branch};
 
 pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
     let scene = load(&arguments.scene)?;
@@ -43,6 +44,7 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
             "has_masks": requirements.has_masks,
             "has_defocus": requirements.has_defocus,
             "layers": layers,
+            "networks": networks(&requirements),
             "film_megabytes": film,
             "tree_megabytes": tree,
             "warnings": scene.warnings,
@@ -67,8 +69,30 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
     println!("emitters    {}", scene.emitters.len());
     println!("integrator  path tracing, light and BSDF sampling weighted by the power heuristic");
     println!("layers      {} ({film:.1} MB)", layers.join(", "));
+    println!("denoiser    {}", plan(&requirements));
     for line in requirements.left_out() {
         println!("left out    {line}");
     }
     Ok(())
+}
+
+/// The networks that `--denoiser kpcn` will run.
+fn networks(requirements: &Requirements) -> Vec<&'static str> {
+    let mut branches = vec![Branch::Diffuse];
+    if requirements.needs(LayerKind::Specular) {
+        branches.push(Branch::Specular);
+    }
+    branches.into_iter().map(Branch::name).collect()
+}
+
+/// What will take the noise out.
+fn plan(requirements: &Requirements) -> String {
+    match kpcn::Denoiser::embedded(kpcn::Quality::default()) {
+        Ok(_) => format!(
+            "neural networks, {} quality: {}",
+            kpcn::Quality::default().name(),
+            networks(requirements).join(" and ")
+        ),
+        Err(_) => "cross-bilateral filter: there are no weights for the neural networks".to_owned(),
+    }
 }

@@ -55,7 +55,10 @@ impl Requirements {
     /// One line for each thing that the scene does not require, with what is left out because of it.
     pub fn left_out(&self) -> Vec<&'static str> {
         let facts = [
-            (self.has_specular, "no light but through diffuse lobes: no specular layer"),
+            (
+                self.has_specular,
+                "no light but through diffuse lobes: no specular layer, no specular network",
+            ),
             (self.has_second_hit, "no second hit: no texture2 layer"),
             (self.has_emitters, "no emitter: no visibility layer, no shadow rays"),
             (self.has_masks, "no masks: shadow rays stop at the first surface"),

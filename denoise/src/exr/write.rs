@@ -2,11 +2,14 @@
 
 use std::path::Path;
 
+use ::exr::block::lines::LineRefMut;
 use ::exr::image as pixels;
-use ::exr::meta::attribute::{AttributeValue, IntegerBounds, Text};
-use ::exr::meta::header::{ImageAttributes, LayerAttributes};
+use ::exr::image::write::samples::{SamplesWriter, WritableSamples};
+use ::exr::math::RoundingMode;
+use ::exr::meta::attribute::{AttributeValue, IntegerBounds, LevelMode, SampleType, Text};
+use ::exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use ::exr::prelude::{Compression, LineOrder, WritableImage};
-use ndarray::Axis;
+use ndarray::{ArrayView2, Axis};
 
 use super::channels::{Part, Role, name};
 use super::{ATTRIBUTE_PREFIX, Frame};
@@ -44,11 +47,40 @@ pub fn write(path: &Path, layers: &Layers, options: &WriteOptions<'_>) -> Result
     })
 }
 
-fn image(
+/// A channel that is written from where it lies: a copy of all would double the memory of a large picture.
+struct Plane<'a>(ArrayView2<'a, f32>);
+
+impl<'a> WritableSamples<'a> for Plane<'_> {
+    type Writer = Plane<'a>;
+
+    fn sample_type(&self) -> SampleType {
+        SampleType::F32
+    }
+
+    fn infer_level_modes(&self) -> (LevelMode, RoundingMode) {
+        (LevelMode::Singular, RoundingMode::Down)
+    }
+
+    fn create_samples_writer(&'a self, _: &Header) -> Self::Writer {
+        Plane(self.0.view())
+    }
+}
+
+impl SamplesWriter for Plane<'_> {
+    fn extract_line(&self, line: LineRefMut<'_>) {
+        let [x, y] = [line.location.position.x(), line.location.position.y()];
+        line.write_samples(|index| self.0[[y, x + index]])
+            .expect("a line in memory takes as many samples as it has room for");
+    }
+}
+
+type File<'a> = pixels::Image<pixels::Layer<pixels::AnyChannels<Plane<'a>>>>;
+
+fn image<'a>(
     path: &Path,
-    layers: &Layers,
-    options: &WriteOptions<'_>,
-) -> Result<pixels::Image<pixels::Layer<pixels::AnyChannels<pixels::FlatSamples>>>, Error> {
+    layers: &'a Layers,
+    options: &WriteOptions<'a>,
+) -> Result<File<'a>, Error> {
     let beauty = layers.layers.get(&LayerKind::Beauty).map(|layer| &layer.mean);
     let picture = options.picture.or(beauty).ok_or_else(|| layers.missing(LayerKind::Beauty))?;
     if picture.dim() != (3, layers.height, layers.width) {
@@ -72,8 +104,7 @@ fn image(
     parts.extend(layers.invalid.iter().map(|image| (Part::Invalid, image)));
     let channels = parts.into_iter().flat_map(|(part, image)| {
         image.axis_iter(Axis(0)).enumerate().map(move |(component, plane)| {
-            let samples = pixels::FlatSamples::F32(plane.iter().copied().collect());
-            pixels::AnyChannel::new(Text::new_or_panic(name(part, component)), samples)
+            pixels::AnyChannel::new(Text::new_or_panic(name(part, component)), Plane(plane))
         })
     });
 

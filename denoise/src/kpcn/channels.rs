@@ -81,7 +81,8 @@ const LARGEST_DEPTH_STEP: f32 = 2.0;
 /// Variances of the paper's channels are fed as they are; this keeps a firefly from overflowing the first layer.
 const LARGEST_VARIANCE: f32 = 1e4;
 
-/// Writes the channels [`PYRAMID`] of a tile into `out`, `[22, padded height, padded width]`.
+/// Writes the channels [`PYRAMID`] of a tile into `out`, by space to depth: `[88, padded height / 2, padded width / 2]`,
+/// channel `4 c + 2 dy + dx` of the half-sized pixel `P` is channel `c` of pixel `2 P + (dx, dy)`.
 pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &mut Vec<f32>) {
     let Some(light) = buffers.light(branch) else { return };
     let modulation = buffers.modulation(branch, buffers.exposure);
@@ -98,7 +99,7 @@ pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &
             if depth[pixel] > 0.0 { depth[pixel].ln() } else { f32::NAN }
         })
     });
-    fill(tile, out, |y, channels: [&mut [f32]; 22]| {
+    fill(tile, 2, out, |y, channels: [&mut [f32]; 22]| {
         let [l0, l1, l2, x0, x1, x2, y0, y1, y2, noise, log_noise, rest @ ..] = channels;
         let [n0, n1, n2, normal_noise, a0, a1, a2, albedo_noise, zx, zy, depth_noise] = rest;
         log.gradients(y, [l0, l1, l2], [x0, x1, x2], [y0, y1, y2]);
@@ -153,7 +154,7 @@ pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &m
         let scale = if farthest > 0.0 { farthest } else { 1.0 };
         (planes, scale, Margin::<1>::new(width, tile, |_, pixel| planes.mean(0)[pixel] / scale))
     });
-    fill(tile, out, |y, channels: [&mut [f32]; 27]| {
+    fill(tile, 1, out, |y, channels: [&mut [f32]; 27]| {
         let [s0, s1, s2, x0, x1, x2, y0, y1, y2, noise, rest @ ..] = channels;
         let [n0, n1, n2, n3, n4, n5, normal_noise, rest @ ..] = rest;
         let [a0, a1, a2, a3, a4, a5, albedo_noise, z0, z1, depth_noise] = rest;
@@ -222,37 +223,51 @@ fn mean_variance(planes: Planes<'_>, row: std::ops::Range<usize>, out: &mut [f32
     }
 }
 
-/// Calls `write` for each row of a tile with that row of each channel, and reflects what is there into the padding.
+/// Calls `write` for each row of a tile with that row of each of `N` channels, and reflects the tile into its padding.
+///
+/// With `block` 2, space to depth: channel `4 c + 2 dy + dx` of the half-sized pixel `P` is channel `c` of pixel
+/// `2 P + (dx, dy)`. With `block` 1 the channels stay as they are.
 fn fill<const N: usize>(
     tile: &Tile,
-    channels: &mut Vec<f32>,
+    block: usize,
+    out: &mut Vec<f32>,
     write: impl Fn(usize, [&mut [f32]; N]) + Sync,
 ) {
     let [padded_height, padded_width] = tile.padded;
     let [height, width] = tile.size();
-    channels.clear();
-    channels.resize(N * padded_height * padded_width, 0.0);
-    let mut rows: Vec<Vec<&mut [f32]>> = (0..height).map(|_| Vec::with_capacity(N)).collect();
-    for plane in channels.chunks_mut(padded_height * padded_width) {
-        for (row, out) in rows.iter_mut().zip(plane.chunks_mut(padded_width)) {
-            row.push(out);
+    let [rows, columns] = [padded_height / block, padded_width / block];
+    out.clear();
+    out.resize(N * padded_height * padded_width, 0.0);
+    // One row of each plane of the result.
+    let mut planes: Vec<Vec<&mut [f32]>> = (0..rows).map(|_| Vec::new()).collect();
+    for plane in out.chunks_mut(rows * columns) {
+        for (row, values) in planes.iter_mut().zip(plane.chunks_mut(columns)) {
+            row.push(values);
         }
     }
-    rows.into_par_iter().enumerate().for_each(|(y, row)| {
-        let mut row: [&mut [f32]; N] = row.try_into().expect("one slice for each channel");
-        write(y, row.each_mut().map(|out| &mut out[..width]));
-        for out in row {
-            for x in width..padded_width {
-                out[x] = out[reflect(x, width)];
+    planes.into_par_iter().enumerate().for_each_init(
+        || vec![0.0; N * padded_width],
+        |scratch, (row, mut planes)| {
+            for dy in 0..block {
+                scratch.fill(0.0);
+                let mut channels = scratch.chunks_mut(padded_width).map(|row| &mut row[..width]);
+                write(
+                    reflect(row * block + dy, height),
+                    std::array::from_fn(|_| channels.next().expect("one row for each channel")),
+                );
+                for (channel, values) in scratch.chunks_mut(padded_width).enumerate() {
+                    for x in width..padded_width {
+                        values[x] = values[reflect(x, width)];
+                    }
+                    for dx in 0..block {
+                        let plane = &mut planes[(channel * block + dy) * block + dx];
+                        let values = values[dx..].iter().step_by(block);
+                        plane.iter_mut().zip(values).for_each(|(out, value)| *out = *value);
+                    }
+                }
             }
-        }
-    });
-    channels.par_chunks_mut(padded_height * padded_width).for_each(|plane| {
-        for y in height..padded_height {
-            let source = reflect(y, height) * padded_width;
-            plane.copy_within(source..source + padded_width, y * padded_width);
-        }
-    });
+        },
+    );
 }
 
 /// Values of `N` channels over a tile and over the row and the column before it, where the picture has them.

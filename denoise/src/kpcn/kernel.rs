@@ -13,14 +13,14 @@ pub(super) const GRID: Grid = Grid { multiple: 1, overlap: 28, most_pixels: 256 
 
 /// Filters the `C` channels of `signal`, `[height, C, width]`, by `logits`, `[size², height, width]`, row-major in the
 /// taps; returns the shape of the signal.
-pub(super) fn apply<const C: usize>(
+pub fn apply<const C: usize>(
     logits: &[f32],
     [height, width]: [usize; 2],
     size: usize,
     signal: &[f32],
 ) -> Vec<f32> {
     let radius = size / 2;
-    let mut image = Bordered::<C>::new([height, width], radius);
+    let mut image = Bordered::<C>::new([height, width], radius, width);
     let insides: [_; C] = std::array::from_fn(|channel| image.inside(channel));
     image.rows_mut().zip(signal.par_chunks(C * width)).for_each(|(row, source)| {
         for (inside, source) in insides.iter().zip(source.chunks(width)) {

@@ -22,14 +22,17 @@ mod tile;
 mod transform;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use buffers::Buffers;
 pub use channels::{KERNEL, PYRAMID};
+pub use kernel::apply as apply_kernel;
 pub use library::{Origin, PATH_VARIABLE};
 pub use model::{Entry, Model, Quality, entries};
 pub use network::{Branch, Kind, Network, PROVIDER, Runtime, runtime};
 use picture::{Filtered, Picture, WITH_NOISE, WITHOUT_NOISE};
+pub use pyramid::{OUTPUTS as PYRAMID_OUTPUTS, apply as apply_pyramid};
 use tile::Tile;
 pub use transform::EPSILON;
 
@@ -43,6 +46,8 @@ use crate::sanitize::Sanitised;
 pub struct Denoiser {
     /// Of the diffuse and of the specular branch.
     models: [Model; 2],
+    /// Whether the result is mixed with the noisy picture where filtering harms.
+    mixes: bool,
 }
 
 /// What was done.
@@ -54,7 +59,7 @@ pub struct Report {
     pub spatial_variance: Vec<LayerKind>,
     /// Branches whose network ran; the others had no light.
     pub branches: Vec<Branch>,
-    /// How the result was mixed with the noisy picture; `None` where no variance tells of the noise, so that it was not.
+    /// How the result was mixed with the noisy picture; `None` where it was not, for no variance tells of the noise.
     pub fractions: Option<Fractions>,
     /// Tiles that the picture was cut into.
     pub tiles: usize,
@@ -80,7 +85,7 @@ impl Denoiser {
     /// [`Error::Model`] where there are none or they are damaged.
     pub fn embedded(quality: Quality) -> Result<Self, Error> {
         let [diffuse, specular] = Branch::ALL.map(|branch| Model::embedded(quality, branch));
-        Ok(Self { models: [diffuse?, specular?] })
+        Ok(Self { models: [diffuse?, specular?], mixes: true })
     }
 
     /// A user's own weights, of the diffuse and the specular branch in any order.
@@ -107,7 +112,12 @@ impl Denoiser {
                 specular.refused(found, &format!("{:?} as in {}", first.kind, diffuse.name))
             );
         }
-        Ok(Self { models: [diffuse, specular] })
+        Ok(Self { models: [diffuse, specular], mixes: true })
+    }
+
+    /// The same networks, whose result is left as it is: to judge them by themselves.
+    pub fn without_mixing(self) -> Self {
+        Self { mixes: false, ..self }
     }
 
     /// The weights of the diffuse and of the specular branch.
@@ -149,26 +159,11 @@ impl Denoiser {
             _ => pyramid::GRID,
         };
         let tiles = grid.tiles(buffers.width, buffers.height);
-        let mut picture = Picture::new(&buffers);
-        let mut network_time = Duration::ZERO;
-        let steps = (tiles.len() * networks.len()) as f32;
-        for (number, network) in networks.iter().enumerate() {
-            let mut input = Vec::new();
-            for (index, tile) in tiles.iter().enumerate() {
-                let is_last = index + 1 == tiles.len();
-                let (filtered, time) =
-                    filter_tile(network, &picture, tile, &mut input, is_last, threads)?;
-                network_time += time;
-                threads.install(|| picture.add(tile, &filtered));
-                progress((number * tiles.len() + index + 1) as f32 / steps);
-            }
-        }
-        for branch in Branch::ALL {
-            if networks.iter().all(|network| network.branch != branch) {
-                threads.install(|| picture.add_noisy(branch));
-            }
-        }
-        let (image, fractions) = threads.install(|| picture.finish());
+        let (picture, network_time) = reconstruct(&buffers, &networks, &tiles, threads, progress)?;
+        let (image, fractions) = threads.install(|| match self.mixes {
+            true => picture.finish(),
+            false => (picture.denoised(), None),
+        });
         if let Some(((channel, y, x), _)) =
             image.indexed_iter().find(|(_, value)| !value.is_finite())
         {
@@ -188,14 +183,45 @@ impl Denoiser {
     }
 }
 
+/// Filters all tiles by all networks, and adds what is not filtered. Returns the picture, not yet mixed with the noisy one,
+/// and the time in the networks.
+fn reconstruct<'a>(
+    buffers: &'a Buffers<'a>,
+    networks: &[Arc<Network>],
+    tiles: &[Tile],
+    threads: &rayon::ThreadPool,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<(Picture<'a>, Duration), Error> {
+    let mut picture = threads.install(|| Picture::new(buffers));
+    let mut network_time = Duration::ZERO;
+    let steps = (tiles.len() * networks.len()) as f32;
+    let mut done = 0.0;
+    for network in networks {
+        let mut input = Vec::new();
+        for tile in tiles {
+            let (filtered, time) = filter_tile(network, &picture, tile, &mut input, threads)?;
+            network_time += time;
+            threads.install(|| picture.add(tile, &filtered));
+            done += 1.0;
+            progress(done / steps);
+        }
+        network.release_memory()?;
+    }
+    for branch in Branch::ALL {
+        if networks.iter().all(|network| network.branch != branch) {
+            threads.install(|| picture.add_noisy(branch));
+        }
+    }
+    Ok((picture, network_time))
+}
+
 /// Runs a network over a tile and applies its kernels. Returns the filtered signal and the time in the network. `input` is
-/// memory for the network's channels; `is_last` tells that no tile follows.
+/// memory for the network's channels.
 fn filter_tile(
     network: &Network,
     picture: &Picture<'_>,
     tile: &Tile,
     input: &mut Vec<f32>,
-    is_last: bool,
     threads: &rayon::ThreadPool,
 ) -> Result<(Filtered, Duration), Error> {
     let (branch, kind) = (network.branch, network.kind);
@@ -207,7 +233,7 @@ fn filter_tile(
         picture.signal(branch, kind, tile)
     });
     let start = Instant::now();
-    network.run(input, tile.padded, is_last, |logits| {
+    network.run(input, tile.padded, |logits| {
         let time = start.elapsed();
         let signal = threads.install(|| {
             if picture.has_noise() {

@@ -48,7 +48,7 @@ pub struct Model {
     pub sha256: String,
 }
 
-/// A line of `models.json`.
+/// One of the weights that `models.json` lists.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// Name of the model.
@@ -80,14 +80,14 @@ fn parse(list: &str) -> Result<Vec<Entry>, Error> {
     };
     let json: serde_json::Value =
         serde_json::from_str(list).map_err(|error| damaged(format!("no JSON ({error})")))?;
-    let models = json["models"].as_array().ok_or_else(|| damaged("no list of models".into()))?;
-    let entry = |model: &serde_json::Value| {
+    let models = json.as_object().ok_or_else(|| damaged("no object".into()))?;
+    let entry = |(name, model): (&String, &serde_json::Value)| {
         let text = |key: &str| {
             let value = model[key].as_str();
-            value.map(str::to_owned).ok_or_else(|| damaged(format!("{model} without {key}")))
+            value.map(str::to_owned).ok_or_else(|| damaged(format!("{name} without {key}")))
         };
         Ok(Entry {
-            name: text("name")?,
+            name: name.clone(),
             file: text("file")?,
             sha256: text("sha256")?,
             tier: text("tier")?,
@@ -126,12 +126,16 @@ impl Model {
             found: "no such file in this program".into(),
             expected: format!("models/{} when it was built", entry.file),
         })?;
-        let model = Self::new(entry.name.clone(), Cow::Borrowed(bytes));
-        if model.sha256 == entry.sha256 {
-            return Ok(model);
+        Self::new(entry.name.clone(), Cow::Borrowed(bytes)).checked(entry)
+    }
+
+    /// This model, if it is the one of the entry.
+    fn checked(self, entry: &Entry) -> Result<Self, Error> {
+        if self.sha256 == entry.sha256 {
+            return Ok(self);
         }
-        let found = format!("the SHA-256 {}", model.sha256);
-        Err(model.refused(found, &format!("{} as in models.json", entry.sha256)))
+        let found = format!("the SHA-256 {}", self.sha256);
+        Err(self.refused(found, &format!("{} as in models.json", entry.sha256)))
     }
 
     /// A user's own file.
@@ -144,7 +148,7 @@ impl Model {
         Ok(Self::new(path.display().to_string(), Cow::Owned(bytes)))
     }
 
-    fn new(name: String, bytes: Cow<'static, [u8]>) -> Self {
+    pub(super) fn new(name: String, bytes: Cow<'static, [u8]>) -> Self {
         let sha256 = sha256(&bytes);
         Self { name, bytes, sha256 }
     }
@@ -152,5 +156,52 @@ impl Model {
     /// The error that says why this file is not used.
     pub(super) fn refused(&self, found: String, expected: &str) -> Error {
         Error::Model { name: self.name.clone(), found, expected: expected.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = r#"{"kpcn-fast-diffuse": {"file": "kpcn-fast-diffuse.onnx", "tier": "fast", "branch": "diffuse",
+        "sha256": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad", "steps": 7}}"#;
+
+    #[test]
+    fn the_list_is_read_and_what_it_lists_is_whole() {
+        let [entry] = &parse(GOOD).unwrap()[..] else { panic!("one entry") };
+        assert_eq!((entry.name.as_str(), entry.tier.as_str()), ("kpcn-fast-diffuse", "fast"));
+        for entry in entries().unwrap() {
+            Model::of_entry(&entry).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_damaged_list_says_what_is_wrong() {
+        for (list, said) in [
+            ("", "no JSON"),
+            ("[]", "no object"),
+            (&GOOD.replace("\"tier\"", "\"tire\""), "kpcn-fast-diffuse without tier"),
+            (&GOOD.replace("\"ba78", "5, \"ba78"), "no JSON"),
+        ] {
+            let error = parse(list).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_file_with_another_hash_is_refused() {
+        let [entry] = &parse(GOOD).unwrap()[..] else { panic!("one entry") };
+        // The hash in the list is that of the letters abc.
+        let model = |bytes: &'static [u8]| Model::new("m".into(), Cow::Borrowed(bytes));
+        assert!(model(b"abc").checked(entry).is_ok());
+        let error = model(b"abd").checked(entry).unwrap_err().to_string();
+        assert!(error.contains("SHA-256") && error.contains("ba7816bf"), "{error}");
+    }
+
+    #[test]
+    fn weights_that_are_not_there_are_named() {
+        let entry = Entry { file: "kpcn-no.onnx".into(), ..parse(GOOD).unwrap()[0].clone() };
+        let error = Model::of_entry(&entry).unwrap_err().to_string();
+        assert!(error.contains("models/kpcn-no.onnx"), "{error}");
     }
 }

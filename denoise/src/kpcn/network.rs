@@ -18,7 +18,7 @@ use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 use super::channels;
 use super::library::{self, Origin};
 use super::model::Model;
-use super::pyramid::LEVEL_CHANNELS;
+use super::pyramid::OUTPUTS;
 use super::transform::EPSILON;
 use crate::error::Error;
 
@@ -57,6 +57,28 @@ pub enum Kind {
         /// Taps on a side, odd.
         size: usize,
     },
+}
+
+impl Kind {
+    /// Channels of the input, and the binary logarithm of how much smaller than the picture it is.
+    fn input(self) -> (usize, usize) {
+        match self {
+            Self::KernelPyramid => (4 * channels::PYRAMID.len(), 1),
+            Self::Kernel { .. } => (channels::KERNEL.len(), 0),
+        }
+    }
+
+    /// Names of the outputs, with the same of each.
+    fn outputs(self) -> Vec<(String, usize, usize)> {
+        match self {
+            Self::KernelPyramid => OUTPUTS
+                .into_iter()
+                .enumerate()
+                .map(|(level, (channels, halvings))| (format!("level{level}"), channels, halvings))
+                .collect(),
+            Self::Kernel { size } => vec![("logits".into(), size * size, 0)],
+        }
+    }
 }
 
 /// The loaded library.
@@ -173,23 +195,15 @@ impl Network {
             }
         };
         expect("channels", &names.join(","))?;
-        check_tensors(model, "inputs", session.inputs(), &[("input".into(), names.len())])?;
-        let expected: Vec<(String, usize)> = match kind {
-            Kind::KernelPyramid => LEVEL_CHANNELS
-                .into_iter()
-                .enumerate()
-                .map(|(level, channels)| (format!("level{level}"), channels))
-                .collect(),
-            Kind::Kernel { size } => vec![("logits".into(), size * size)],
-        };
-        check_tensors(model, "outputs", outputs, &expected)?;
+        let (channels, _) = kind.input();
+        check_tensors(model, "inputs", session.inputs(), &[("input".into(), channels, 0)])?;
+        check_tensors(model, "outputs", outputs, &kind.outputs())?;
         drop(metadata);
         Ok(Self { session: Mutex::new(session), name: model.name.clone(), kind, branch })
     }
 
-    /// Runs the network on `input`, `[1, channels, height, width]`, and hands its outputs to `take`, in order, each
-    /// `[1, channels, height, width]` of its own level. Memory is kept for the next run unless this `is_last`: the sessions of
-    /// both branches would each keep their own.
+    /// Runs the network on the `input` of a picture of that height and width (see [`channels`]), and hands its outputs to
+    /// `take`, in order: those of [`pyramid::OUTPUTS`](super::pyramid::OUTPUTS), or `[size², height, width]`. The session keeps its memory until [`Self::release_memory`].
     ///
     /// # Errors
     /// [`Error::Inference`] where onnxruntime fails or an output has not the size that follows from the input's.
@@ -197,37 +211,55 @@ impl Network {
         &self,
         input: &[f32],
         [height, width]: [usize; 2],
-        is_last: bool,
         take: impl FnOnce(&[&[f32]]) -> T,
     ) -> Result<T, Error> {
-        let failed = |reason: String| Error::Inference { model: self.name.clone(), reason };
-        let reason = |error: ort::Error| failed(error.to_string());
-        let shape = [1, input.len() / (height * width), height, width];
-        let tensor = TensorRef::from_array_view((shape, input)).map_err(reason)?;
-        let mut options = RunOptions::new().map_err(reason)?;
-        if is_last {
-            options.set("memory.enable_memory_arena_shrinkage", "cpu:0").map_err(reason)?;
-        }
+        let options = RunOptions::new().map_err(|error| self.failed(error.to_string()))?;
+        self.run_with(&options, input, [height, width], take)
+    }
 
+    /// Gives back the memory of the runs before, which would else be kept for as long as the process lives, for each
+    /// branch its own.
+    ///
+    /// # Errors
+    /// [`Error::Inference`] where onnxruntime fails.
+    pub(super) fn release_memory(&self) -> Result<(), Error> {
+        // It is given back at the end of a run, as far as it is free then: outputs of the same run are not. Hence the
+        // smallest input there is.
+        const SIDE: usize = 16;
+        let (channels, halvings) = self.kind.input();
+        let input = vec![0.0; channels * (SIDE >> halvings) * (SIDE >> halvings)];
+        let reason = |error: ort::Error| self.failed(error.to_string());
+        let mut options = RunOptions::new().map_err(reason)?;
+        options.set("memory.enable_memory_arena_shrinkage", "cpu:0").map_err(reason)?;
+        self.run_with(&options, &input, [SIDE, SIDE], |_| ())
+    }
+
+    fn failed(&self, reason: String) -> Error {
+        Error::Inference { model: self.name.clone(), reason }
+    }
+
+    fn run_with<T>(
+        &self,
+        options: &RunOptions,
+        input: &[f32],
+        [height, width]: [usize; 2],
+        take: impl FnOnce(&[&[f32]]) -> T,
+    ) -> Result<T, Error> {
+        let reason = |error: ort::Error| self.failed(error.to_string());
+        let (channels, halvings) = self.kind.input();
+        let shape = [1, channels, height >> halvings, width >> halvings];
+        let tensor = TensorRef::from_array_view((shape, input)).map_err(reason)?;
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         let outputs =
-            session.run_with_options(ort::inputs!["input" => tensor], &options).map_err(reason)?;
-        let expected: Vec<(String, [usize; 3])> = match self.kind {
-            Kind::KernelPyramid => LEVEL_CHANNELS
-                .into_iter()
-                .enumerate()
-                .map(|(level, channels)| {
-                    (format!("level{level}"), [channels, height >> level, width >> level])
-                })
-                .collect(),
-            Kind::Kernel { size } => vec![("logits".into(), [size * size, height, width])],
-        };
+            session.run_with_options(ort::inputs!["input" => tensor], options).map_err(reason)?;
         let mut slices = Vec::new();
-        for (name, [channels, height, width]) in &expected {
-            let output = outputs.get(name).ok_or_else(|| failed(format!("no output {name}")))?;
+        for (name, channels, halvings) in self.kind.outputs() {
+            let output =
+                outputs.get(&name).ok_or_else(|| self.failed(format!("no output {name}")))?;
             let (shape, values) = output.try_extract_tensor::<f32>().map_err(reason)?;
-            if shape[..] != [1, *channels as i64, *height as i64, *width as i64] {
-                return Err(failed(format!("{name} has the shape {:?}", &shape[..])));
+            let expected = [1, channels, height >> halvings, width >> halvings];
+            if shape[..] != expected.map(|side| side as i64) {
+                return Err(self.failed(format!("{name} has the shape {:?}", &shape[..])));
             }
             slices.push(values);
         }
@@ -251,6 +283,8 @@ fn session(environment: &Environment, bytes: &[u8], threads: usize) -> Result<Se
         .with_inter_threads(1)?
         // Idle threads would burn the time of the ones that work, ours among them.
         .with_intra_op_spinning(false)?
+        // A plan of all memory is kept beside the memory itself: 160 bytes a pixel for nothing gained.
+        .with_memory_pattern(false)?
         .with_optimization_level(GraphOptimizationLevel::All)?
         .commit_from_memory(bytes)?)
 }
@@ -270,9 +304,9 @@ fn check_tensors(
     model: &Model,
     what: &str,
     found: &[Outlet],
-    expected: &[(String, usize)],
+    expected: &[(String, usize, usize)],
 ) -> Result<(), Error> {
-    let is_expected = |(tensor, (name, channels)): (&Outlet, &(String, usize))| {
+    let is_expected = |(tensor, (name, channels, _)): (&Outlet, &(String, usize, usize))| {
         tensor.name() == name && channels_of(tensor.dtype()) == Some(*channels)
     };
     if found.len() == expected.len() && found.iter().zip(expected).all(is_expected) {
@@ -282,7 +316,7 @@ fn check_tensors(
         found.iter().map(|tensor| format!("{}: {}", tensor.name(), tensor.dtype())).collect();
     let expected: Vec<_> = expected
         .iter()
-        .map(|(name, channels)| format!("{name}: 32-bit floats [1, {channels}, height, width]"))
+        .map(|(name, channels, _)| format!("{name}: 32-bit floats [1, {channels}, height, width]"))
         .collect();
     Err(model.refused(format!("the {what} {}", found.join(", ")), &expected.join(", ")))
 }

@@ -7,7 +7,7 @@ use super::network::{Branch, Kind};
 use super::noise::Noise;
 use super::tile::Tile;
 use super::transform::{exponential, logarithm};
-use crate::blend::{Evidence, Fractions, terms};
+use crate::blend::{Fractions, Pixel, denoised_parts, mix};
 use crate::layers::Image;
 
 /// Channels of a signal: three of light, and three of a sample of its noise where the noise is known.
@@ -132,20 +132,25 @@ impl<'a> Picture<'a> {
             .into_iter()
             .filter_map(|b| Part::new(self.buffers, Some(noise), b, Kind::KernelPyramid))
             .collect();
-        let evidence = Evidence::of(width, height, |pixel| {
+        let parts = denoised_parts(width, height, |pixel| {
             let row = &self.values[pixel / width * WITH_NOISE * width..][..WITH_NOISE * width];
             let number = |channel: usize| row[channel * width + pixel % width];
-            let mut noisy = Light::default();
+            let [mut light, mut noise] = Light::default();
             for part in &parts {
-                let light = part.light(pixel);
-                for (sum, value) in noisy.as_flattened_mut().iter_mut().zip(light.as_flattened()) {
-                    *sum += value;
+                let [more_light, more_noise] = part.light(pixel);
+                for channel in 0..3 {
+                    light[channel] += more_light[channel];
+                    noise[channel] += more_noise[channel];
                 }
             }
-            terms(noisy[0], [0, 1, 2].map(number), noisy[1], [3, 4, 5].map(number))
+            Pixel {
+                noisy: light,
+                denoised: [0, 1, 2].map(number),
+                noise,
+                filtered_noise: [3, 4, 5].map(number),
+            }
         });
-        let beauty = &self.buffers.beauty;
-        let fractions = evidence.blend(beauty, &mut image);
+        let fractions = mix(&self.buffers.beauty, &mut image, &parts);
         (image, Some(fractions))
     }
 }

@@ -30,19 +30,22 @@ const COARSE: usize = 3;
 /// The channel with the logit of a pixel's weight in the next coarser level.
 const DOWN: usize = FINE * FINE + COARSE * COARSE;
 
-/// Logits of a pixel on each level.
-pub(super) const LEVEL_CHANNELS: [usize; LEVELS] = [DOWN + 1, DOWN + 1, DOWN + 1, FINE * FINE];
+/// What the network gives for each level: channels, and the binary logarithm of how much smaller than the picture they
+/// are. The finest level comes by space to depth, as the network works at half the resolution: channel `4 c + 2 dy + dx`
+/// of the half-sized pixel `P` is logit `c` of pixel `2 P + (dx, dy)`.
+pub const OUTPUTS: [(usize, usize); LEVELS] =
+    [(4 * (DOWN + 1), 1), (DOWN + 1, 1), (DOWN + 1, 2), (FINE * FINE, 3)];
 
 /// How tiles are cut. The network halves the picture and pools three times, hence the multiple of 16.
 ///
 /// What a pixel depends on: the kernels reach 32 pixels, the last of them on level 3 (`⌊p/2⌋ − 1` three times, then two
 /// of its pixels, each of 8), where they need the weights of the way down; those logits see another 92 pixels: two 3×3
 /// convolutions at 1/2, 1/4, 1/8 and 1/16 and back, `2·(2+4+8+16+8+4+2) + 4 = 92` with what pooling adds. 124 in all.
-pub(super) const GRID: Grid = Grid { multiple: 16, overlap: 128, most_pixels: 900_000 };
+pub(super) const GRID: Grid = Grid { multiple: 16, overlap: 128, most_pixels: 1 << 20 };
 
-/// Filters the `C` channels of `signal`, `[height, C, width]`, by the logits of the four levels, and returns the same
-/// shape. Level `l` of the logits is `[LEVEL_CHANNELS[l], padded height / 2^l, padded width / 2^l]`.
-pub(super) fn apply<const C: usize>(
+/// Filters the `C` channels of `signal`, `[height, C, width]`, by the network's [`OUTPUTS`] for a picture of the size
+/// `padded`, and returns the shape of the signal.
+pub fn apply<const C: usize>(
     logits: &[&[f32]],
     padded: [usize; 2],
     size: [usize; 2],
@@ -50,19 +53,22 @@ pub(super) fn apply<const C: usize>(
 ) -> Vec<f32> {
     let level = |level: usize| Logits {
         values: logits[level],
-        height: padded[0] >> level,
-        width: padded[1] >> level,
+        height: padded[0] >> OUTPUTS[level].1,
+        width: padded[1] >> OUTPUTS[level].1,
     };
-    let mut images = vec![bordered::<C>(signal, size)];
-    for l in 0..LEVELS - 1 {
-        images.push(down(&images[l], &level(l)));
+    let columns = columns::<C>(signal, size);
+    let mut images = vec![down(size, &columns, &level(0))];
+    for l in 1..LEVELS - 1 {
+        let fine = &images[l - 1];
+        images.push(down([fine.height, fine.width], fine, &level(l)));
     }
-    let mut result = filter(&images[LEVELS - 1], None, &level(LEVELS - 1));
-    for l in (0..LEVELS - 1).rev() {
-        let coarse = doubled::<C>(&result, [images[l + 1].height, images[l + 1].width]);
-        result = filter(&images[l], Some(&coarse), &level(l));
+    let mut result = filter(&images[LEVELS - 2], None, &level(LEVELS - 1));
+    for l in (1..LEVELS - 1).rev() {
+        let coarse = doubled(&result, [images[l].height, images[l].width]);
+        result = filter(&images[l - 1], Some(&coarse), &level(l));
     }
-    result
+    let coarse = bordered(&result, [images[0].height, images[0].width]);
+    filter_finest(size, &columns, &coarse, &level(0))
 }
 
 /// The logits of a level.
@@ -80,22 +86,68 @@ impl<'a> Logits<'a> {
     }
 }
 
-/// The signal with a border for the taps on its own level.
-fn bordered<const C: usize>(signal: &[f32], size: [usize; 2]) -> Bordered<C> {
-    let mut image = Bordered::new(size, FINE / 2);
-    let insides: [_; C] = std::array::from_fn(|channel| image.inside(channel));
-    image.rows_mut().zip(signal.par_chunks(C * size[1])).for_each(|(row, source)| {
+/// Pixels of a level, two columns of which are one of the next.
+trait Pairs<const C: usize>: Sync {
+    /// Every second pixel of a channel in row `y`, from column `dx` on: the slice and its step.
+    fn values(&self, channel: usize, y: usize, dx: usize) -> (&[f32], usize);
+
+    /// The same of the logits of the way down, `y` and `x` of the coarser level.
+    fn weights<'a>(logits: &Logits<'a>, y: usize, dy: usize, dx: usize) -> (&'a [f32], usize);
+}
+
+/// The even and the odd columns of the finest level apart, as its logits are.
+impl<const C: usize> Pairs<C> for [Bordered<C>; 2] {
+    fn values(&self, channel: usize, y: usize, dx: usize) -> (&[f32], usize) {
+        (self[dx].row(channel, y), 1)
+    }
+
+    fn weights<'a>(logits: &Logits<'a>, y: usize, dy: usize, dx: usize) -> (&'a [f32], usize) {
+        (logits.row(4 * DOWN + 2 * dy + dx, y), 1)
+    }
+}
+
+impl<const C: usize> Pairs<C> for Bordered<C> {
+    fn values(&self, channel: usize, y: usize, dx: usize) -> (&[f32], usize) {
+        (self.row(channel, y).get(dx..).unwrap_or_default(), 2)
+    }
+
+    fn weights<'a>(logits: &Logits<'a>, y: usize, dy: usize, dx: usize) -> (&'a [f32], usize) {
+        (&logits.row(DOWN, 2 * y + dy)[dx..], 2)
+    }
+}
+
+/// The even and the odd columns of the signal, each with a border for its taps.
+fn columns<const C: usize>(signal: &[f32], [height, width]: [usize; 2]) -> [Bordered<C>; 2] {
+    std::array::from_fn(|dx| {
+        let mut image =
+            Bordered::new([height, (width + 1 - dx) / 2], COARSE / 2, width.div_ceil(2));
+        let insides: [_; C] = std::array::from_fn(|channel| image.inside(channel));
+        image.rows_mut().zip(signal.par_chunks(C * width)).for_each(|(row, source)| {
+            for (inside, source) in insides.iter().zip(source.chunks(width)) {
+                let source = source.iter().skip(dx).step_by(2);
+                row[inside.clone()].iter_mut().zip(source).for_each(|(out, value)| *out = *value);
+            }
+        });
+        image
+    })
+}
+
+/// An image, `[height, C, width]`, with a border for the taps of the finest level.
+fn bordered<const C: usize>(image: &[f32], size: [usize; 2]) -> Bordered<C> {
+    let mut result = Bordered::new(size, COARSE / 2, size[1]);
+    let insides: [_; C] = std::array::from_fn(|channel| result.inside(channel));
+    result.rows_mut().zip(image.par_chunks(C * size[1])).for_each(|(row, source)| {
         for (inside, source) in insides.iter().zip(source.chunks(size[1])) {
             row[inside.clone()].copy_from_slice(source);
         }
     });
-    image
+    result
 }
 
 /// An image, `[height, C, width]`, with every pixel twice in its row: the neighbours `⌊x/2⌋ + d` of all pixels `x` are
 /// then one row, shifted by `2 d`.
 fn doubled<const C: usize>(image: &[f32], size: [usize; 2]) -> Bordered<C> {
-    let mut result = Bordered::new([size[0], 2 * size[1]], 2 * (COARSE / 2));
+    let mut result = Bordered::new([size[0], 2 * size[1]], 2 * (COARSE / 2), 2 * size[1]);
     let insides: [_; C] = std::array::from_fn(|channel| result.inside(channel));
     result.rows_mut().zip(image.par_chunks(C * size[1])).for_each(|(row, source)| {
         for (inside, source) in insides.iter().zip(source.chunks(size[1])) {
@@ -107,46 +159,99 @@ fn doubled<const C: usize>(image: &[f32], size: [usize; 2]) -> Bordered<C> {
     result
 }
 
-/// The next coarser level: the mean of each 2×2 cell weighted by a softmax. Cells that stick out of the picture use
-/// their pixels inside.
-fn down<const C: usize>(fine: &Bordered<C>, logits: &Logits<'_>) -> Bordered<C> {
-    let size = [fine.height.div_ceil(2), fine.width.div_ceil(2)];
-    let mut coarse = Bordered::new(size, FINE / 2);
+/// The next coarser level of an image of that size: the mean of each 2×2 cell weighted by a softmax. Cells that stick out
+/// of the picture use their pixels inside.
+fn down<const C: usize, P: Pairs<C>>(
+    [height, width]: [usize; 2],
+    fine: &P,
+    logits: &Logits<'_>,
+) -> Bordered<C> {
+    let size = [height.div_ceil(2), width.div_ceil(2)];
+    let mut coarse = Bordered::new(size, FINE / 2, size[1]);
     let insides: [_; C] = std::array::from_fn(|channel| coarse.inside(channel));
     coarse.rows_mut().enumerate().for_each(|(row, out)| {
-        let rows = 2 * row..(2 * row + 2).min(fine.height);
-        let mut weights = vec![0.0; 2 * size[1] * 2];
+        let cell = [(0, 0), (0, 1), (1, 0), (1, 1)];
         // Beyond the picture the logits stay −∞.
-        let mut cells = vec![f32::NEG_INFINITY; 2 * size[1] * 2];
-        for (cells, y) in cells.chunks_mut(2 * size[1]).zip(rows.clone()) {
-            cells[..fine.width].copy_from_slice(&logits.row(DOWN, y)[..fine.width]);
+        let mut weights = cell.map(|_| vec![f32::NEG_INFINITY; size[1]]);
+        for (weights, (dy, dx)) in weights.iter_mut().zip(cell) {
+            if 2 * row + dy < height {
+                let (logits, step) = P::weights(logits, row, dy, dx);
+                let inside = weights[..(width + 1 - dx) / 2].iter_mut();
+                inside.zip(logits.iter().step_by(step)).for_each(|(out, logit)| *out = *logit);
+            }
         }
-        let (above, below) = cells.split_at(2 * size[1]);
-        let (weights_above, weights_below) = weights.split_at_mut(2 * size[1]);
-        let pairs = above.chunks_exact(2).zip(below.chunks_exact(2));
-        let weight_pairs = weights_above.chunks_exact_mut(2).zip(weights_below.chunks_exact_mut(2));
-        for ((above, below), (weights_above, weights_below)) in pairs.zip(weight_pairs) {
-            let largest = above[0].max(above[1]).max(below[0].max(below[1]));
-            let four = [above[0], above[1], below[0], below[1]].map(|z| exp_negative(largest - z));
+        let [a, b, c, d] = &mut weights;
+        for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
+            let largest = a.max(*b).max(c.max(*d));
+            let four = [*a, *b, *c, *d].map(|logit| exp_negative(largest - logit));
             let scale = four.iter().sum::<f32>().recip();
-            weights_above.copy_from_slice(&[four[0] * scale, four[1] * scale]);
-            weights_below.copy_from_slice(&[four[2] * scale, four[3] * scale]);
+            [*a, *b, *c, *d] = four.map(|weight| weight * scale);
         }
-        for (y, weights) in rows.zip(weights.chunks(2 * size[1])) {
+        for (weights, (dy, dx)) in weights.iter().zip(cell) {
+            if 2 * row + dy >= height {
+                continue;
+            }
             for (channel, inside) in insides.iter().enumerate() {
-                let values = fine.row(channel, y).chunks(2).zip(weights.chunks(2));
-                for (out, (values, weights)) in out[inside.clone()].iter_mut().zip(values) {
-                    for (value, weight) in values.iter().zip(weights) {
-                        *out += weight * value;
-                    }
-                }
+                let (values, step) = fine.values(channel, 2 * row + dy, dx);
+                let values = weights.iter().zip(values.iter().step_by(step));
+                let out = out[inside.clone()].iter_mut();
+                out.zip(values).for_each(|(out, (weight, value))| *out += weight * value);
             }
         }
     });
     coarse
 }
 
-/// Filters a level by its own taps and, where there is one, by those on the coarser result; `[height, C, width]`.
+/// Filters the finest level, of that size, whose even and odd columns are apart; `[height, C, width]`.
+fn filter_finest<const C: usize>(
+    [height, width]: [usize; 2],
+    fine: &[Bordered<C>; 2],
+    coarse: &Bordered<C>,
+    logits: &Logits<'_>,
+) -> Vec<f32> {
+    let barriers = [fine[0].barrier(), fine[1].barrier()];
+    let coarse_barrier = coarse.barrier();
+    let mut result = vec![0.0; height * C * width];
+    result.par_chunks_mut(C * width).enumerate().for_each_init(Vec::new, |half, (y, out)| {
+        // The pixels of even columns, then those of odd ones.
+        for phase in 0..2 {
+            let own_width = fine[phase].width;
+            let row_of = |logit: usize| logits.row(4 * logit + 2 * (y % 2) + phase, y / 2);
+            let mut taps = Vec::with_capacity(DOWN);
+            for index in 0..FINE * FINE {
+                // From 2 X + phase − 2 on, so that the columns seen are alternately even and odd.
+                let (dy, column) = (index / FINE, index % FINE + phase);
+                if let Some(row) = neighbour(y, dy, FINE / 2, height) {
+                    taps.push(Tap {
+                        logits: row_of(index),
+                        barrier: &barriers[column % 2][column / 2..],
+                        values: fine[column % 2].seen(row, column / 2),
+                    });
+                }
+            }
+            for index in 0..COARSE * COARSE {
+                let (dy, dx) = (index / COARSE, index % COARSE);
+                if let Some(row) = neighbour(y / 2, dy, COARSE / 2, coarse.height) {
+                    taps.push(Tap {
+                        logits: row_of(FINE * FINE + index),
+                        barrier: &coarse_barrier[dx..],
+                        values: coarse.seen(row, dx),
+                    });
+                }
+            }
+            half.resize(C * own_width, 0.0);
+            combine(&taps, own_width, half);
+            for (out, half) in out.chunks_mut(width).zip(half.chunks(own_width.max(1))) {
+                let out = out.iter_mut().skip(phase).step_by(2);
+                out.zip(half).for_each(|(out, value)| *out = *value);
+            }
+        }
+    });
+    result
+}
+
+/// Filters a coarser level by its own taps and, where there is one, by those on the result of the next; `[height, C,
+/// width]`.
 fn filter<const C: usize>(
     fine: &Bordered<C>,
     coarse: Option<&Bordered<C>>,

@@ -116,9 +116,10 @@ pub(super) struct Bordered<const C: usize> {
 }
 
 impl<const C: usize> Bordered<C> {
-    /// Space for an image with `border` pixels to the left and to the right, all 0.
-    pub(super) fn new([height, width]: [usize; 2], border: usize) -> Self {
-        let stride = width.next_multiple_of(BLOCK) + 2 * border;
+    /// Space for an image with `border` pixels to the left and to the right, all 0. Taps may see it from rows of up to
+    /// `widest` pixels.
+    pub(super) fn new([height, width]: [usize; 2], border: usize, widest: usize) -> Self {
+        let stride = widest.max(width).next_multiple_of(BLOCK) + 2 * border;
         Self { values: vec![0.0; height * C * stride], stride, height, width, border }
     }
 

@@ -23,12 +23,12 @@ fn kernel_fixture() -> Value {
     json(include_str!("../../../tests/fixtures/kernel.json"))
 }
 
-fn numbers(value: &Value) -> Vec<f32> {
+pub(super) fn numbers(value: &Value) -> Vec<f32> {
     value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap() as f32).collect()
 }
 
 /// The layers of the fixture; beauty is their sum.
-fn layers() -> Layers {
+pub(super) fn layers() -> Layers {
     let fixture = json(include_str!("../../../tests/fixtures/layers.json"));
     let [width, height] = ["width", "height"].map(|key| fixture[key].as_u64().unwrap() as usize);
     let mut layers = Layers { width, height, ..Default::default() };
@@ -48,12 +48,24 @@ fn layers() -> Layers {
 }
 
 #[track_caller]
-fn assert_close(found: &[f32], expected: &[f32], what: &dyn Fn(usize) -> String) {
+pub(super) fn assert_close(found: &[f32], expected: &[f32], what: &dyn Fn(usize) -> String) {
     assert_eq!(found.len(), expected.len(), "{}", what(0));
     for (index, (found, expected)) in found.iter().zip(expected).enumerate() {
         let bound = TOLERANCE * expected.abs().max(1.0);
         assert!((found - expected).abs() <= bound, "{}: {found}, {expected}", what(index));
     }
+}
+
+/// Planes of that size from four times as many of half the size, in the order of PyTorch's `pixel_shuffle`.
+fn depth_to_space(half: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
+    let (rows, columns) = (height / 2, width / 2);
+    (0..half.len())
+        .map(|index| {
+            let (channel, y, x) = (index / (height * width), index / width % height, index % width);
+            let plane = 4 * channel + 2 * (y % 2) + x % 2;
+            half[(plane * rows + y / 2) * columns + x / 2]
+        })
+        .collect()
 }
 
 /// The first rows and columns of planes that are padded on the right and at the bottom.
@@ -92,7 +104,7 @@ fn the_pyramids_channels_are_pytorchs() {
     for branch in Branch::ALL {
         let mut input = Vec::new();
         channels::pyramid(&buffers, branch, &tile, &mut input);
-        let input = cropped(&input, tile.padded, tile.size());
+        let input = cropped(&depth_to_space(&input, tile.padded), tile.padded, tile.size());
         let expected = numbers(&fixture[branch.name()]["input"]);
         let name = |index: usize| channels::PYRAMID[index / (layers.width * layers.height)];
         assert_close(&input, &expected, &|i| format!("{} {}", branch.name(), name(i)));
@@ -121,6 +133,7 @@ fn padding_repeats_the_channels_reflected() {
     let [height, width] = tile.padded;
     let mut input = Vec::new();
     channels::pyramid(&buffers, Branch::Diffuse, &tile, &mut input);
+    let input = depth_to_space(&input, tile.padded);
     for plane in input.chunks(height * width) {
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
             // 11 rows and 13 columns: the rows 11, 12, ... show 9, 8, ...

@@ -1,7 +1,7 @@
 //! What any logits must do: combine convexly, at the borders too.
 
 use super::Random;
-use crate::kpcn::pyramid::{self, LEVEL_CHANNELS};
+use crate::kpcn::pyramid::{self, OUTPUTS};
 use crate::kpcn::{kernel, softmax};
 
 /// Sizes with odd and tiny levels, and one wider than two blocks.
@@ -9,10 +9,10 @@ const SIZES: [[usize; 2]; 7] = [[1, 1], [1, 9], [7, 1], [2, 2], [13, 11], [16, 1
 
 /// Random logits of the four levels, in `±range`.
 fn pyramid_logits(random: &mut Random, [height, width]: [usize; 2], range: f32) -> Vec<Vec<f32>> {
-    let levels = LEVEL_CHANNELS.into_iter().enumerate();
-    levels
-        .map(|(level, channels)| {
-            let count = channels * (height >> level) * (width >> level);
+    OUTPUTS
+        .into_iter()
+        .map(|(channels, halvings)| {
+            let count = channels * (height >> halvings) * (width >> halvings);
             random.uniforms(count, -range..range)
         })
         .collect()
@@ -67,7 +67,7 @@ fn one_hot_logits_are_the_identity() {
         let padded = size.map(|side| side.next_multiple_of(16));
         let signal = random.uniforms(size[0] * size[1], 0.0..4.0);
         let mut levels = pyramid_logits(&mut random, padded, 3.0);
-        // The centre of the 5×5 taps on the finest level.
+        // The centre of the 5×5 taps on the finest level: four channels of half the size.
         levels[0][12 * padded[0] * padded[1]..][..padded[0] * padded[1]].fill(200.0);
         assert_eq!(pyramid::apply::<1>(&slices(&levels), padded, size, &signal), signal);
 
@@ -114,14 +114,13 @@ fn only_the_coarsest_level_can_be_asked_for() {
     let size = [16, 24];
     let padded = [16, 32];
     let signal = Random(6).uniforms(size[0] * size[1], 0.0..1.0);
-    let mut levels: Vec<Vec<f32>> = LEVEL_CHANNELS
-        .into_iter()
-        .enumerate()
-        .map(|(level, channels)| vec![0.0; channels * (padded[0] >> level) * (padded[1] >> level)])
-        .collect();
-    for (level, (logits, centre)) in levels.iter_mut().zip([29, 29, 29, 12]).enumerate() {
-        let plane = (padded[0] >> level) * (padded[1] >> level);
-        logits[centre * plane..][..plane].fill(300.0);
+    let mut levels = pyramid_logits(&mut Random(0), padded, 1e-30);
+    // The finest level has four channels for each logit.
+    for (logits, (centre, channels, halvings)) in
+        levels.iter_mut().zip([(29, 4, 1), (29, 1, 1), (29, 1, 2), (12, 1, 3)])
+    {
+        let count = channels * (padded[0] >> halvings) * (padded[1] >> halvings);
+        logits[centre * count..][..count].fill(300.0);
     }
     let result = pyramid::apply::<1>(&slices(&levels), padded, size, &signal);
     for (y, x) in (0..16).flat_map(|y| (0..24).map(move |x| (y, x))) {

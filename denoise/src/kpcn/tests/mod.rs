@@ -2,6 +2,8 @@
 
 mod fixtures;
 mod kernels;
+mod models;
+mod whole;
 
 use std::ops::Range;
 
