@@ -3,10 +3,10 @@
 
     python judge.py SCENES WORK [--binary target/release/quietlight] [--spp 4 16 64 256] [--reference-spp 2048]
 
-SCENES is a folder with one folder a scene (`scene.xml`, and `reference.exr` for the size if there is one). Each scene is
-rendered once converged and at each sample count with another seed into WORK (what is there is not rendered again), denoised
-by every method, and scored by `quietlight compare`. Open Image Denoise takes part where `pyoidn` is installed: colour,
-albedo and normal of the same noisy file, quality high. Writes WORK/scores.json and WORK/scores.md.
+SCENES is a folder with one folder a scene (`scene.xml`, and `reference.exr` for the size if there is one). Each scene
+is rendered once converged and at each sample count with another seed into WORK (what is there is not rendered again),
+denoised by every method, and scored by `quietlight compare`. Open Image Denoise takes part where `pyoidn` is installed:
+colour, albedo and normal of the same noisy file, quality high. Writes WORK/scores.json and WORK/scores.md.
 """
 
 import argparse
