@@ -150,6 +150,4 @@ fn choose_view(scene: &Scene, stage: &Stage, random: &mut Random) -> View {
 }
 
 #[cfg(test)]
-mod dev;
-#[cfg(test)]
 mod tests;

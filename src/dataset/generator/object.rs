@@ -14,9 +14,12 @@ use super::solid;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
+/// What makes an object.
+type Maker = fn(&mut Random) -> Object;
+
 /// A thing about `size` metres high or wide.
 pub(super) fn thing(random: &mut Random, size: f64) -> Object {
-    let makers: [(f64, fn(&mut Random) -> Object); 10] = [
+    let makers: [(f64, Maker); 10] = [
         (4.0, block),
         (3.0, ball),
         (2.0, can),

@@ -9,7 +9,7 @@ use super::noise::Noise;
 use super::object;
 use super::random::Random;
 use super::solid;
-use super::stage::Stage;
+use super::stage::{Stage, Step};
 use glam::{DMat4, DVec2, DVec3};
 
 /// Builds an open set around the origin, its ground at about `y = 0`.
@@ -35,7 +35,7 @@ struct Set<'a> {
 
 impl Set<'_> {
     fn build(&mut self) -> Result<(), Error> {
-        let builds: [(f64, fn(&mut Self) -> Result<(), Error>); 8] = [
+        let builds: [(f64, Step<Self>); 8] = [
             (4.0, Self::ground),
             (2.0, Self::backdrop),
             (2.0, Self::terrace),
@@ -185,7 +185,7 @@ impl Set<'_> {
         for k in 0..self.random.integer(3, 6) {
             let radius = r * 0.008 * 2.3_f64.powi(k as i32);
             let x = r * self.random.uniform(-0.9, 0.9);
-            let center = DVec3::new(x, 1.1 * r, -1.0 * r);
+            let center = DVec3::new(x, 1.1 * r, -r);
             let radiance = colour::light(self.random) * (0.3 * r * r / (radius * radius));
             self.stage.add_shining(Form::Sphere { center, radius }, radiance);
         }

@@ -10,6 +10,9 @@ use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+/// What a set or a room does to its stage, by one of several methods.
+pub(super) type Step<T> = fn(&mut T) -> Result<(), Error>;
+
 /// Index of a material on the stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MaterialIndex(usize);

@@ -3,6 +3,7 @@
 use super::Room;
 use crate::dataset::generator::error::Error;
 use crate::dataset::generator::form::{Form, Object, Role};
+use crate::dataset::generator::stage::Step;
 use crate::dataset::generator::{colour, lighting, object, solid};
 use glam::{DMat4, DVec2, DVec3};
 
@@ -24,7 +25,7 @@ impl Room<'_> {
     }
 
     fn lamp(&mut self) -> Result<(), Error> {
-        let lamps: [(f64, fn(&mut Self) -> Result<(), Error>); 11] = [
+        let lamps: [(f64, Step<Self>); 11] = [
             (3.0, Self::ceiling_panel),
             (1.0, Self::ceiling_strip),
             (1.0, Self::bulbs),
