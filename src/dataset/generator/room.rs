@@ -1,5 +1,7 @@
 //! Rooms: boxes with windows, doors, furniture, and light from where rooms have it.
 
+mod furnishing;
+mod lamps;
 mod shell;
 
 use super::colour;
@@ -7,13 +9,25 @@ use super::error::Error;
 use super::floor_plan::FloorPlan;
 use super::form::{Form, Object, Role};
 use super::lighting;
-use super::object;
+use super::material;
 use super::random::Random;
-use super::solid;
 use super::stage::{MaterialIndex, Stage};
-use glam::{DMat4, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use shell::{Opening, Wall};
 use std::collections::BTreeMap;
+
+/// What kind of room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// With tables, shelves, benches.
+    Living,
+    /// A small box, open at the front, with few things and coloured walls.
+    Cabinet,
+    /// Large, with columns, steps and a glossy floor.
+    Hall,
+    /// Tiled, with mirrors and glossy vessels.
+    Bath,
+}
 
 /// Builds a room around the origin, its floor at `y = 0`.
 ///
@@ -21,6 +35,7 @@ use std::collections::BTreeMap;
 /// A file cannot be written.
 pub(super) fn build(stage: &mut Stage, random: &mut Random) -> Result<(), Error> {
     stage.tag("room");
+<<<<<<< HEAD
     let size =
         DVec3::new(random.uniform(2.6, 7.0), random.uniform(2.2, 3.8), random.uniform(2.6, 7.0));
     let mut room = Room {
@@ -33,13 +48,33 @@ pub(super) fn build(stage: &mut Stage, random: &mut Random) -> Result<(), Error>
         is_lit: false,
         stage,
         random,
+=======
+    let kind = random.weighted(&[
+        (0.54, Kind::Living),
+        (0.2, Kind::Cabinet),
+        (0.13, Kind::Hall),
+        (0.13, Kind::Bath),
+    ]);
+    let (least, most) = match kind {
+        Kind::Living => (DVec3::new(2.6, 2.2, 2.6), DVec3::new(7.0, 3.8, 7.0)),
+        Kind::Cabinet => (DVec3::splat(1.2), DVec3::splat(2.8)),
+        Kind::Hall => (DVec3::new(4.0, 3.0, 6.0), DVec3::new(9.0, 6.0, 14.0)),
+        Kind::Bath => (DVec3::new(1.8, 2.2, 2.0), DVec3::new(3.5, 2.8, 4.5)),
+>>>>>>> generator
     };
+    let size = random.point(least, most);
+    let inner = DVec2::new(0.5 * size.x, 0.5 * size.z) - 0.08;
+    let plan = FloorPlan::new(-inner, inner);
+    let mut room =
+        Room { kind, size, plan, wardrobe: BTreeMap::new(), is_lit: false, stage, random };
+    room.dress()?;
     room.shell()?;
     room.furnish()?;
     room.light()
 }
 
 struct Room<'a> {
+    kind: Kind,
     size: DVec3,
     plan: FloorPlan,
     /// Materials of the shell, the same all around.
@@ -51,6 +86,22 @@ struct Room<'a> {
 }
 
 impl Room<'_> {
+    /// Chooses what makes the kind of room out of walls and floor.
+    fn dress(&mut self) -> Result<(), Error> {
+        let (tag, dresses): (_, &[(Role, Role)]) = match self.kind {
+            Kind::Living => ("living-room", &[]),
+            Kind::Cabinet => ("cabinet", &[]),
+            Kind::Hall => ("hall", &[(Role::Floor, Role::Polished)]),
+            Kind::Bath => ("bath", &[(Role::Wall, Role::Tiled), (Role::Floor, Role::Tiled)]),
+        };
+        self.stage.tag(tag);
+        for (role, dress) in dresses {
+            let material = material::for_role(self.stage, *dress, self.random)?;
+            self.wardrobe.insert(*role, material);
+        }
+        Ok(())
+    }
+
     fn half(&self) -> DVec3 {
         DVec3::new(0.5 * self.size.x, self.size.y, 0.5 * self.size.z)
     }
@@ -66,11 +117,18 @@ impl Room<'_> {
         self.place(&Object::of(Role::Floor, flat(0.0, 1.0)))?;
         self.place(&Object::of(Role::Ceiling, flat(self.size.y, -1.0)))?;
         // A room seen from outside, as a doll's house.
-        let is_open = self.random.chance(0.22);
+        let share = if self.kind == Kind::Cabinet { 0.85 } else { 0.15 };
+        let is_open = self.random.chance(share);
         let camera_low = DVec3::new(-half.x + 0.15, 0.25, -half.z + 0.15);
         let mut camera_high = half - DVec3::new(0.15, 0.15, 0.15);
         let walls = Wall::around(self.size);
-        let accent = self.random.chance(0.35).then(|| self.random.integer(0, 3));
+        let is_coloured = if self.kind == Kind::Cabinet {
+            let both = self.random.chance(0.7);
+            [false, both, false, both]
+        } else {
+            let accent = if self.random.chance(0.3) { self.random.integer(0, 3) } else { 4 };
+            [0, 1, 2, 3].map(|side| side == accent)
+        };
         for (index, wall) in walls.into_iter().enumerate() {
             if is_open && index == 0 {
                 camera_high.z = half.z + 2.2 * self.size.x.max(self.size.z);
@@ -80,7 +138,8 @@ impl Room<'_> {
             let opening = self.opening(&wall);
             let mesh = wall.with_opening(opening.as_ref());
             let object = Object::of(Role::Wall, Form::Mesh(mesh));
-            if accent == Some(index) {
+            if is_coloured[index] {
+                let object = object.recast(|_| true, Role::Coloured);
                 self.stage.place(&object, self.random)?;
             } else {
                 self.place(&object)?;
@@ -102,8 +161,15 @@ impl Room<'_> {
     fn opening(&mut self, wall: &Wall) -> Option<Opening> {
         let (width, height) = (wall.width, self.size.y);
         let random = &mut *self.random;
+<<<<<<< HEAD
         match random.integer(0, 9) {
             0..=2 => {
+=======
+        let windows = if self.kind == Kind::Cabinet { 0.06 } else { 0.27 };
+        let doors = if width > 1.6 { 0.12 } else { 0.0 };
+        match random.weighted(&[(windows, 0), (doors, 1), (1.0 - windows - doors, 2)]) {
+            0 => {
+>>>>>>> generator
                 let (w, h) =
                     (random.uniform(0.25, 0.7) * width, random.uniform(0.35, 0.6) * height);
                 let left = random.uniform(0.05 * width, 0.95 * width - w);
@@ -114,7 +180,7 @@ impl Room<'_> {
                     is_door: false,
                 })
             }
-            3 => {
+            1 => {
                 let (w, h) = (random.uniform(0.75, 1.0), 2.0_f64.min(0.9 * height));
                 let left = random.uniform(0.1, width - w - 0.1);
                 Some(Opening {
@@ -180,10 +246,15 @@ impl Room<'_> {
                 self.place(&object)?;
             }
         }
-        if has_opening || self.random.chance(0.5) {
+        let (pictures, mirrors) = match self.kind {
+            Kind::Bath => (0.6, 0.8),
+            Kind::Cabinet => (0.12, 0.3),
+            Kind::Living | Kind::Hall => (0.5, 0.25),
+        };
+        if has_opening || !self.random.chance(pictures) {
             return Ok(());
         }
-        let is_mirror = self.random.chance(0.25);
+        let is_mirror = self.random.chance(mirrors);
         for k in 0..self.random.integer(1, 3) {
             let half = DVec2::new(self.random.uniform(0.2, 0.7), self.random.uniform(0.2, 0.6));
             let at = DVec2::new(
@@ -196,6 +267,7 @@ impl Room<'_> {
         }
         Ok(())
     }
+<<<<<<< HEAD
 
     fn furnish(&mut self) -> Result<(), Error> {
         for _ in 0..self.random.integer(0, 2) {
@@ -421,4 +493,6 @@ impl Room<'_> {
 /// Height of the top of an object.
 fn size_top(object: &Object) -> f64 {
     object.bounds().1.y + 1e-3
+=======
+>>>>>>> generator
 }
