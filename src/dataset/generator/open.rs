@@ -71,8 +71,10 @@ impl Set<'_> {
         Ok(())
     }
 
+    /// Puts an object down, a hair above what it stands on: coinciding surfaces would both be seen through glass.
     fn put(&mut self, object: &Object, at: DVec3) -> Result<(), Error> {
-        let moved = object.transformed(&DMat4::from_translation(at));
+        let place = at + DVec3::Y * (1e-3 * self.radius);
+        let moved = object.transformed(&DMat4::from_translation(place));
         self.stage.place(&moved, self.random)?;
         self.stage.show(&moved);
         Ok(())
@@ -162,7 +164,7 @@ impl Set<'_> {
             self.stage.place(&pedestal.transformed(&DMat4::from_translation(at)), self.random)?;
             let size = self.random.uniform(0.7, 1.2) * (high.x - low.x);
             let thing = object::thing(self.random, size);
-            self.put(&thing, at + DVec3::Y * (high.y + 1e-3))?;
+            self.put(&thing, at + DVec3::Y * high.y)?;
         }
         Ok(())
     }
@@ -198,15 +200,21 @@ impl Set<'_> {
     /// A basin with water in it, over tiles, and things on the bottom and beside it.
     fn pool(&mut self) -> Result<(), Error> {
         let (r, depth) = (self.radius, self.radius * self.random.uniform(0.2, 0.8));
-        let (inner, outer) = (r, 1.25 * r);
+        let (inner, outer) = (r, r * self.random.uniform(1.3, 4.0));
+        let (low, rim) = (-depth - 0.1 * r, 0.08 * r);
         let mut basin = Object::default();
         let box_of = |low: [f64; 3], high: [f64; 3]| solid::cuboid(low.into(), high.into());
-        for side in 0..4 {
-            let wall = box_of([-outer, -depth - 0.1 * r, -outer], [outer, 0.08 * r, -inner]);
-            let turn = DMat4::from_rotation_y(std::f64::consts::FRAC_PI_2 * f64::from(side));
-            basin.add_mesh(Role::Tiled, &wall.transformed(&turn));
+        for (low, high) in [
+            ([-outer, low, -outer], [outer, rim, -inner]),
+            ([-outer, low, inner], [outer, rim, outer]),
+            ([-outer, low, -inner], [-inner, rim, inner]),
+            ([inner, low, -inner], [outer, rim, inner]),
+        ] {
+            basin.add_mesh(Role::Tiled, &box_of(low, high));
         }
-        let bottom = box_of([-inner, -depth - 0.1 * r, -inner], [inner, -depth, inner]);
+        // From above, where the water is seen over the rim.
+        self.stage.camera_box.0.y = 0.4 * r;
+        let bottom = box_of([-inner, low, -inner], [inner, -depth, inner]);
         basin.add_mesh(Role::Tiled, &bottom);
         self.stage.place(&basin, self.random)?;
         let noise = Noise::new(self.random.seed());
@@ -246,7 +254,7 @@ impl Set<'_> {
                 thing = thing.recast(|role| role == Role::Thing(0), Role::Glass);
             }
             if let Some(at) = plan.find(self.random, 0.55 * size) {
-                self.put(&thing, DVec3::new(at.x, 1e-3 * r, at.y))?;
+                self.put(&thing, DVec3::new(at.x, 0.0, at.y))?;
             }
         }
         let mut direction = self.random.direction();
@@ -277,7 +285,7 @@ impl Set<'_> {
         }
         self.stage.tag("still-life");
         let count = self.random.integer(4, 12);
-        self.things(1e-3 * r, count)
+        self.things(0.0, count)
     }
 
     fn light(&mut self) -> Result<(), Error> {

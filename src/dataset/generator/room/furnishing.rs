@@ -62,7 +62,8 @@ impl Room<'_> {
         let radius = 0.5 * (high - low).x.hypot((high - low).z);
         let Some(at) = self.plan.find(self.random, radius.min(0.9)) else { return Ok(None) };
         let quarter = std::f64::consts::FRAC_PI_2 * self.random.integer(0, 3) as f64;
-        let at = DVec3::new(at.x, 0.0, at.y);
+        // A hair above the floor: coinciding surfaces would both be seen through glass.
+        let at = DVec3::new(at.x, 5e-4, at.y);
         let moved =
             object.transformed(&(DMat4::from_translation(at) * DMat4::from_rotation_y(quarter)));
         self.stage.place(&moved, self.random)?;
