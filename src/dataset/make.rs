@@ -2,6 +2,7 @@
 
 use super::manifest::{Manifest, Record, Settings, View, records};
 use super::{Error, Shard, at, pairs, space};
+use std::collections::HashSet;
 use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -69,10 +70,9 @@ impl Job {
                 existing = records(&self.folder)?;
             }
         }
-        let is_complete = |number: &u32| {
-            let id = View::id(*number);
-            existing.iter().any(|record| record.identity().id == id)
-        };
+        let done: HashSet<&str> =
+            existing.iter().map(|record| record.identity().id.as_str()).collect();
+        let is_complete = |number: &u32| done.contains(View::id(*number).as_str());
         let (complete, missing): (Vec<u32>, Vec<u32>) =
             self.shard.views(self.views).partition(is_complete);
         // What some views took says better than the settings what others will take.

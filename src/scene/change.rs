@@ -93,6 +93,29 @@ mod tests {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
     }
 
+    /// A scene with what our own have not: emitters of every other kind, the first shape one of them, and a blend of blends.
+    const EVERYTHING_ELSE: &str = r#"<scene version="3.0.0"><sensor type="perspective"/>
+        <shape type="sphere"><point name="center" x="-1" y="0" z="5"/><emitter type="area">
+            <texture type="checkerboard" name="radiance"><rgb name="color0" value="3"/><rgb name="color1" value="1,2,3"/>
+            </texture></emitter></shape>
+        <shape type="sphere"><point name="center" x="1" y="0" z="5"/><bsdf type="blendbsdf">
+            <float name="weight" value="0.5"/><bsdf type="diffuse"><rgb name="reflectance" value="0.9"/></bsdf>
+            <bsdf type="blendbsdf"><float name="weight" value="0.5"/><bsdf type="plastic"/><bsdf type="roughconductor"/>
+            </bsdf></bsdf></shape>
+        <emitter type="point"><point name="position" x="0" y="3" z="0"/><rgb name="intensity" value="9"/></emitter>
+        <emitter type="spot"><transform name="to_world"><lookat origin="0,0,0" target="1,0,5" up="0,1,0"/></transform>
+            <rgb name="intensity" value="9"/></emitter>
+        <emitter type="directional"><vector name="direction" x="0" y="-1" z="1"/><rgb name="irradiance" value="2"/>
+        </emitter><emitter type="constant"><rgb name="radiance" value="0.1"/></emitter></scene>"#;
+
+    /// The scenes of those names and [`EVERYTHING_ELSE`], with the folder that holds it.
+    fn scenes(names: &[&str]) -> (Vec<PathBuf>, tempfile::TempDir) {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("everything-else.xml");
+        std::fs::write(&file, EVERYTHING_ELSE).unwrap();
+        (names.iter().map(|name| own(name)).chain([file]).collect(), folder)
+    }
+
     fn layer(scene: &Scene, kind: LayerKind) -> Image {
         let settings = RenderSettings { samples: 2, ..RenderSettings::default() };
         let rendered = render(scene, &settings, &|_| {}, &AtomicBool::new(false));
@@ -103,10 +126,13 @@ mod tests {
     fn twice_the_light_makes_twice_the_picture() {
         // Emission is linear, all emitters keep their probabilities, and a factor of 2 rounds nothing.
         let options = LoadOptions { size: Some((24, 20)), ..LoadOptions::default() };
-        for name in ["cornell-box", "mis-plates", "still-life", "caustic-pool", "furnace"] {
-            let original = Scene::load(&own(name), &options).unwrap();
+        let (scenes, _folder) =
+            scenes(&["cornell-box", "mis-plates", "still-life", "caustic-pool", "furnace"]);
+        for file in scenes {
+            let name = file.display();
+            let original = Scene::load(&file, &options).unwrap();
             let mut changes = Same { factor: 2.0, reflectance: None };
-            let (scene, camera) = Scene::load_changed(&own(name), &options, &mut changes).unwrap();
+            let (scene, camera) = Scene::load_changed(&file, &options, &mut changes).unwrap();
             let (once, twice) =
                 (layer(&original, LayerKind::Beauty), layer(&scene, LayerKind::Beauty));
             assert!(once.iter().any(|&value| value > 0.0), "{name} is black");
@@ -119,9 +145,12 @@ mod tests {
     #[test]
     fn every_model_is_asked_about() {
         let options = LoadOptions { size: Some((24, 20)), ..LoadOptions::default() };
-        for name in ["mis-plates", "still-life", "cornell-box-glass", "ajar-door"] {
+        let (scenes, _folder) =
+            scenes(&["mis-plates", "still-life", "cornell-box-glass", "ajar-door"]);
+        for file in scenes {
+            let name = file.display();
             let mut changes = Same { factor: 1.0, reflectance: Some(0.25) };
-            let (scene, _) = Scene::load_changed(&own(name), &options, &mut changes).unwrap();
+            let (scene, _) = Scene::load_changed(&file, &options, &mut changes).unwrap();
             let albedo = layer(&scene, LayerKind::Albedo);
             let depth = layer(&scene, LayerKind::Depth);
             for ((channel, y, x), &value) in albedo.indexed_iter() {

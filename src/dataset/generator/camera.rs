@@ -1,7 +1,7 @@
 //! Where to look from: of several candidates the one that sees most.
 
 use super::random::Random;
-use super::stage::Stage;
+use super::stage::{Interest, Stage};
 use super::xml::{Element, number, triple};
 use crate::scene::{Camera, FovAxis, Perspective, Scene};
 use glam::{DMat4, DVec3, Vec2};
@@ -16,6 +16,17 @@ pub(super) struct View {
     fov_degrees: f64,
     /// Radius of the lens and the distance in focus.
     lens: Option<[f64; 2]>,
+}
+
+/// What the cameras of a scene look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Aim {
+    /// One thing, filling the picture or half of it.
+    Thing,
+    /// Two things and what is between.
+    Group,
+    /// Whatever is around something, from anywhere.
+    Surroundings,
 }
 
 /// Rays across and down that judge a candidate.
@@ -33,25 +44,37 @@ impl View {
         }
     }
 
-    /// Looks at something of the stage from a distance that shows it with some of its surroundings.
-    pub(super) fn candidate(stage: &Stage, random: &mut Random) -> Self {
+    /// Looks at something of the stage, from inside its camera box.
+    pub(super) fn candidate(stage: &Stage, aim: Aim, random: &mut Random) -> Self {
         let fov_degrees = random.uniform(20.0, 75.0);
-        let interest = if stage.interests.is_empty() {
-            super::stage::Interest { center: DVec3::Y, radius: 1.0 }
-        } else {
-            stage.interests[random.integer(0, stage.interests.len() - 1)]
+        let pick = |random: &mut Random| match stage.interests.len() {
+            0 => Interest { center: DVec3::Y, radius: 1.0 },
+            count => stage.interests[random.integer(0, count - 1)],
+        };
+        let interest = match aim {
+            Aim::Thing | Aim::Surroundings => pick(random),
+            Aim::Group => {
+                let [a, b] = [pick(random), pick(random)];
+                let radius = 0.5 * a.center.distance(b.center) + a.radius.max(b.radius);
+                Interest { center: 0.5 * (a.center + b.center), radius }
+            }
         };
         let (low, high) = stage.camera_box;
-        let wanted = interest.radius.max(0.05) / (0.5 * fov_degrees.to_radians()).tan()
-            * random.log_uniform(1.3, 5.0);
-        let mut direction = random.direction();
-        direction.y = random.uniform(-0.05, 0.75);
-        let origin = interest.center + direction.normalize() * wanted;
-        let origin = origin.clamp(low, high);
+        let origin = if aim == Aim::Surroundings {
+            let reach = 6.0 * interest.radius.max(0.3) + stage.interests.len() as f64 * 0.3;
+            let (near, far) = (interest.center - reach, interest.center + reach);
+            random.point(low.max(near), high.min(far).max(low.max(near)))
+        } else {
+            let wanted = interest.radius.max(0.05) / (0.5 * fov_degrees.to_radians()).tan();
+            let mut direction = random.direction();
+            direction.y = random.uniform(-0.05, 0.75);
+            interest.center + direction.normalize() * (wanted * random.log_uniform(1.2, 2.6))
+        };
         let offset = random.direction() * (interest.radius * random.uniform(0.0, 0.5));
         let roll = if random.chance(0.12) { random.uniform(-0.3, 0.3) } else { 0.0 };
         let up = DVec3::new(roll, 1.0, 0.3 * roll);
-        Self { origin, target: interest.center + offset, up, fov_degrees, lens: None }
+        let target = interest.center + offset;
+        Self { origin: origin.clamp(low, high), target, up, fov_degrees, lens: None }
     }
 
     /// With a lens that blurs what is out of focus; `share` is its radius in terms of the distance to the target.
@@ -76,7 +99,7 @@ impl View {
         Camera::perspective(&Perspective {
             to_world,
             fov: self.fov_degrees,
-            fov_axis: FovAxis::Smaller,
+            fov_axis: FovAxis::Larger,
             film,
             aperture_radius,
             focus_distance,
@@ -86,12 +109,12 @@ impl View {
     }
 
     /// How much there is to see: the entropy (nats) of what rays meet, told apart by part, facing and distance. Less where
-    /// much is too near, or flies off into nothing.
+    /// much is too near, flies off into nothing, or is seen from behind, as from within a solid.
     pub(super) fn score(&self, scene: &Scene) -> f64 {
         let Some(camera) = self.camera(scene, PROBES) else { return f64::NEG_INFINITY };
         let reach = self.origin.distance(self.target);
         let mut seen: BTreeMap<(u32, [i8; 3], i32), u32> = BTreeMap::new();
-        let (mut near, mut lost) = (0.0, 0.0);
+        let (mut near, mut lost, mut inside) = (0.0, 0.0, 0.0);
         for (x, y) in (0..PROBES[0] * PROBES[1]).map(|i| (i % PROBES[0], i / PROBES[0])) {
             let raster = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let ray = camera.ray(raster, Vec2::splat(0.5));
@@ -101,6 +124,9 @@ impl View {
                     let at = scene.geometry.interaction(&ray, &hit);
                     if f64::from(hit.t) < 0.25 * reach {
                         near += 1.0;
+                    }
+                    if at.normal.dot(ray.direction) > 0.0 {
+                        inside += 1.0;
                     }
                     let facing = at.shading_normal.to_array().map(|c| (c * 1.5).round() as i8);
                     let distance = (3.0 * f64::from(hit.t).ln()).floor() as i32;
@@ -116,7 +142,7 @@ impl View {
                 -share * share.ln()
             })
             .sum();
-        entropy - 4.0 * near / total - 2.0 * (lost / total - 0.3).max(0.0)
+        entropy - 4.0 * near / total - 2.0 * inside / total - 2.0 * (lost / total - 0.3).max(0.0)
     }
 
     /// The `<sensor>`.
@@ -128,7 +154,7 @@ impl View {
         let name = if self.lens.is_some() { "thinlens" } else { "perspective" };
         let mut sensor = Element::plugin("sensor", name)
             .float("fov", self.fov_degrees)
-            .string("fov_axis", "smaller")
+            .string("fov_axis", "larger")
             .child(Element::new("transform").attribute("name", "to_world").child(look_at));
         if let Some([radius, distance]) = self.lens {
             sensor = sensor.float("aperture_radius", radius).float("focus_distance", distance);
@@ -140,5 +166,36 @@ impl View {
             .child(Element::plugin("rfilter", "box"));
         let sampler = Element::plugin("sampler", "independent").integer("sample_count", 64);
         sensor.child(film).child(sampler)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::LoadOptions;
+
+    #[test]
+    fn the_camera_that_judges_is_the_one_in_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.xml");
+        let view = View {
+            origin: DVec3::new(3.0, 2.0, -1.0),
+            target: DVec3::new(0.5, 0.2, 0.1),
+            up: DVec3::new(0.2, 1.0, 0.1),
+            ..View::any()
+        }
+        .defocused(0.03);
+        let film = [64, 48];
+        let ball = Element::plugin("shape", "sphere").point("center", DVec3::new(9.0, 0.0, 2.0));
+        let scene = Element::new("scene").attribute("version", "3.0.0");
+        std::fs::write(&path, scene.child(view.element(film)).child(ball).text()).unwrap();
+        let scene = Scene::load(&path, &LoadOptions::default()).unwrap();
+        let ours = view.camera(&scene, film).unwrap();
+        for (raster, lens) in [([1.0, 2.0], [0.1, 0.9]), ([63.0, 40.0], [0.7, 0.3])] {
+            let (raster, lens) = (Vec2::from(raster), Vec2::from(lens));
+            let (a, b) = (ours.ray(raster, lens), scene.camera.ray(raster, lens));
+            assert!((a.origin - b.origin).length() < 1e-4, "{} {}", a.origin, b.origin);
+            assert!((a.direction - b.direction).length() < 1e-5, "{} {}", a.direction, b.direction);
+        }
     }
 }

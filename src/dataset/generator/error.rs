@@ -22,6 +22,9 @@ pub enum Error {
         /// What the encoder said.
         reason: String,
     },
+    /// The scene file could not be written.
+    #[error(transparent)]
+    Write(#[from] quietlight_denoise::Error),
     /// The scene that was written cannot be read again: a fault of the generator.
     #[error("the generated scene cannot be read: {0}")]
     Scene(#[from] SceneError),

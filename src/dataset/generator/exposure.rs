@@ -37,3 +37,18 @@ pub(super) fn factor(luminances: &[f64], wanted: f64) -> f64 {
     }
     (low * high).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lamp_in_view_does_not_darken_its_room() {
+        let room = vec![2.0; 99];
+        assert!((factor(&room, 0.1) - 0.05).abs() < 1e-9);
+        // One pixel of a hundred a million times as bright counts as CEILING: 99 x + 8 · 0.1 = 100 · 0.1.
+        let mut with_lamp = room;
+        with_lamp.push(2e6);
+        assert!((factor(&with_lamp, 0.1) - 9.2 / 99.0 / 2.0).abs() < 1e-9);
+    }
+}

@@ -97,10 +97,16 @@ pub(super) fn frame(normal: DVec3) -> DMat3 {
 pub(super) enum Role {
     /// The inside of a room.
     Wall,
+    /// A wall of tiles.
+    Tiled,
+    /// A wall of a strong colour.
+    Coloured,
     /// Above.
     Ceiling,
     /// Below; in metres of texture, often tiled, often glossy.
     Floor,
+    /// A glossy floor.
+    Polished,
     /// Furniture and fittings.
     Furniture,
     /// Anything closed; numbers keep several materials of one object apart.
@@ -170,6 +176,12 @@ impl Object {
         for (role, form) in &other.parts {
             self.add(*role, form.transformed(matrix));
         }
+    }
+
+    /// With `to` in place of whatever role `is_meant`.
+    pub(super) fn recast(mut self, is_meant: impl Fn(Role) -> bool, to: Role) -> Self {
+        self.parts.iter_mut().filter(|(role, _)| is_meant(*role)).for_each(|part| part.0 = to);
+        self
     }
 
     /// Moved by a rotation, a uniform scaling and a translation.

@@ -59,6 +59,11 @@ impl Maker<'_> {
                 (2.0, Blend),
                 (1.0, RoughConductor),
             ],
+            Role::Tiled => &[(30.0, Diffuse), (30.0, RoughPlastic), (40.0, Plastic)],
+            Role::Coloured => &[(100.0, Diffuse)],
+            Role::Polished => {
+                &[(45.0, RoughPlastic), (30.0, Plastic), (20.0, RoughConductor), (5.0, Blend)]
+            }
             Role::Ceiling => &[(95.0, Diffuse), (5.0, RoughPlastic)],
             Role::Floor => &[
                 (42.0, Diffuse),
@@ -295,7 +300,7 @@ impl Maker<'_> {
 /// How many of the materials of a role have a relief.
 fn relief_share(role: Role) -> f64 {
     match role {
-        Role::Floor | Role::Thing(_) => 0.12,
+        Role::Floor | Role::Tiled | Role::Thing(_) => 0.12,
         Role::Wall | Role::Furniture | Role::Sheet => 0.08,
         _ => 0.0,
     }

@@ -140,11 +140,22 @@ impl Mesh {
         })
     }
 
-    /// Writes the mesh as a binary PLY file.
+    /// Is the triangle more than a line once its corners are rounded to single precision?
+    fn has_area(&self, triangle: &[u32; 3]) -> bool {
+        let [a, b, c] = triangle.map(|index| self.positions[index as usize]);
+        let size = (b - a).length().max((c - a).length()).max((c - b).length());
+        let height = (b - a).cross(c - a).length() / size;
+        // Rounding moves a corner by 6e-8 of its coordinates, here and again when the scene is centred.
+        let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
+        height > 1e-6 * reach
+    }
+
+    /// Writes the mesh as a binary PLY file, without triangles that are lines in single precision.
     ///
     /// # Errors
     /// The file system refuses.
     pub(super) fn write(&self, path: &Path) -> Result<(), Error> {
+        let triangles: Vec<_> = self.triangles.iter().filter(|t| self.has_area(t)).collect();
         let has_normals = !self.normals.is_empty();
         let normals = if has_normals {
             "property float nx\nproperty float ny\nproperty float nz\n"
@@ -156,7 +167,7 @@ impl Mesh {
              property float z\n{normals}property float u\nproperty float v\nelement face {}\n\
              property list uchar int vertex_indices\nend_header\n",
             self.positions.len(),
-            self.triangles.len()
+            triangles.len()
         )
         .into_bytes();
         let mut floats = |values: &[f64]| {
@@ -169,7 +180,7 @@ impl Mesh {
             }
             floats(&self.uvs[index].to_array());
         }
-        for triangle in &self.triangles {
+        for triangle in triangles {
             bytes.push(3);
             triangle.iter().for_each(|index| bytes.extend(index.to_le_bytes()));
         }

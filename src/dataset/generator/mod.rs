@@ -29,7 +29,7 @@ mod xml;
 pub use error::Error;
 
 use crate::scene::{FilmSettings, LoadOptions, Scene};
-use camera::View;
+use camera::{Aim, View};
 use random::Random;
 use stage::Stage;
 use std::path::{Path, PathBuf};
@@ -46,7 +46,7 @@ pub struct Generated {
 }
 
 /// Candidates among which the camera is chosen.
-const CANDIDATES: usize = 16;
+const CANDIDATES: usize = 20;
 
 /// Scenes built in vain, because nearly nothing in view is lit, before one is taken as it is.
 const ATTEMPTS: u32 = 6;
@@ -90,13 +90,12 @@ fn try_generate(
     let shapes = stage.write_meshes()?;
     let path = folder.join("scene.xml");
     let write = |stage: &Stage, view: &View, exposure: f64| {
+        use std::io::Write;
         let text = stage.document(&shapes, &view.element(film), max_depth, exposure);
         quietlight_denoise::atomic::write(&path, |file| {
-            use std::io::Write;
             file.write_all(text.as_bytes())
                 .map_err(|source| quietlight_denoise::Error::Io { path: path.clone(), source })
         })
-        .map_err(|error| Error::io(&path, std::io::Error::other(error)))
     };
     write(&stage, &View::any(), 1.0)?;
     let mut scene = Scene::load(&path, &LoadOptions::default())?;
@@ -115,7 +114,7 @@ fn try_generate(
     let luminances = exposure::luminances(&scene);
     let lit = luminances.iter().filter(|value| **value > 0.0).count();
     if (lit as f64) < LIT_SHARE * luminances.len() as f64 && !is_last {
-        remove_files(folder)?;
+        stage.remove_files()?;
         return Ok(None);
     }
     let wanted = if stage.tags.contains("dark") {
@@ -138,29 +137,16 @@ fn film(random: &mut Random) -> [u32; 2] {
 
 /// The best of some candidates.
 fn choose_view(scene: &Scene, stage: &Stage, random: &mut Random) -> View {
+    let aim = random.weighted(&[(0.3, Aim::Thing), (0.35, Aim::Group), (0.35, Aim::Surroundings)]);
     let mut best = (f64::NEG_INFINITY, View::any());
     for _ in 0..CANDIDATES {
-        let view = View::candidate(stage, random);
+        let view = View::candidate(stage, aim, random);
         let score = view.score(scene);
         if score > best.0 {
             best = (score, view);
         }
     }
     best.1
-}
-
-/// Removes the files of an attempt, so that the folder holds those of the scene only.
-fn remove_files(folder: &Path) -> Result<(), Error> {
-    for entry in folder.read_dir().map_err(|source| Error::io(folder, source))? {
-        let path = entry.map_err(|source| Error::io(folder, source))?.path();
-        let is_ours = path.extension().is_some_and(|extension| {
-            ["png", "ply", "exr", "xml"].iter().any(|ours| extension == *ours)
-        });
-        if is_ours {
-            std::fs::remove_file(&path).map_err(|source| Error::io(&path, source))?;
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

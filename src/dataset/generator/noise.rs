@@ -1,8 +1,13 @@
 //! Gradient noise (Perlin 2002, "Improving Noise", with hashed gradients): in the plane with a period, so that textures
 //! tile, and in space for displacements.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
+use std::sync::LazyLock;
+
+/// Gradients in the plane: sixteen are enough to hide the lattice.
+static DIRECTIONS: LazyLock<[DVec2; 16]> =
+    LazyLock::new(|| std::array::from_fn(|k| DVec2::from_angle(TAU * k as f64 / 16.0)));
 
 /// Noise with its own hash.
 #[derive(Clone, Copy, Debug)]
@@ -35,15 +40,15 @@ impl Noise {
     /// Noise in about `[-1, 1]` at a point of the plane, repeating every `period` units.
     pub(super) fn tiled(self, x: f64, y: f64, period: i32) -> f64 {
         let (column, row) = (x.floor(), y.floor());
-        let (fx, fy) = (x - column, y - row);
+        let offset = DVec2::new(x - column, y - row);
+        let directions = &*DIRECTIONS;
         let corner = |dx: i32, dy: i32| {
             let wrap = |index: f64, step: i32| (index as i32 + step).rem_euclid(period);
             let bits = self.hash(wrap(column, dx), wrap(row, dy), 0);
-            // Sixteen directions are enough to hide the lattice.
-            let angle = f64::from(bits >> 28) * (TAU / 16.0);
-            angle.cos() * (fx - f64::from(dx)) + angle.sin() * (fy - f64::from(dy))
+            let step = DVec2::new(f64::from(dx), f64::from(dy));
+            directions[(bits >> 28) as usize].dot(offset - step)
         };
-        let (u, v) = (fade(fx), fade(fy));
+        let (u, v) = (fade(offset.x), fade(offset.y));
         let along = |dy| lerp(u, corner(0, dy), corner(1, dy));
         1.5 * lerp(v, along(0), along(1))
     }

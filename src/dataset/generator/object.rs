@@ -6,7 +6,7 @@ mod sculpture;
 mod slender;
 mod vessel;
 
-pub(super) use furniture::{bench, chair, lampshade, pedestal, shelf, stairs, table};
+pub(super) use furniture::{basin, bench, chair, lampshade, pedestal, shelf, stairs, table};
 
 use super::form::{Form, Object, Role};
 use super::random::Random;
@@ -14,20 +14,24 @@ use super::solid;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
+/// What makes an object.
+type Maker = fn(&mut Random) -> Object;
+
 /// A thing about `size` metres high or wide.
 pub(super) fn thing(random: &mut Random, size: f64) -> Object {
-    let object = match random.integer(0, 29) {
-        0..=3 => block(random),
-        4..=6 => ball(random),
-        7 | 8 => can(random),
-        9..=13 => vessel::vessel(random),
-        14..=19 => sculpture::sculpture(random),
-        20..=23 => clutter::clutter(random),
-        24..=26 => slender::slender(random),
-        27 => furniture::books(random),
-        28 => furniture::panel(random),
-        _ => tower(random),
-    };
+    let makers: [(f64, Maker); 10] = [
+        (4.0, block),
+        (3.0, ball),
+        (2.0, can),
+        (5.0, vessel::vessel),
+        (6.0, sculpture::sculpture),
+        (4.0, clutter::clutter),
+        (3.0, slender::slender),
+        (1.0, furniture::books),
+        (1.0, furniture::panel),
+        (1.0, tower),
+    ];
+    let object = random.weighted(&makers)(random);
     let turned = object.transformed(&glam::DMat4::from_rotation_y(random.angle()));
     turned.fitted(size)
 }

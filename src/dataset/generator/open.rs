@@ -9,7 +9,7 @@ use super::noise::Noise;
 use super::object;
 use super::random::Random;
 use super::solid;
-use super::stage::Stage;
+use super::stage::{Stage, Step};
 use glam::{DMat4, DVec2, DVec3};
 
 /// Builds an open set around the origin, its ground at about `y = 0`.
@@ -22,13 +22,7 @@ pub(super) fn build(stage: &mut Stage, random: &mut Random) -> Result<(), Error>
     let mut set = Set { radius, stage, random };
     set.stage.camera_box =
         (DVec3::new(-8.0 * radius, 0.04 * radius, -8.0 * radius), DVec3::splat(8.0 * radius));
-    match set.random.integer(0, 9) {
-        0..=3 => set.ground()?,
-        4 | 5 => set.backdrop()?,
-        6 | 7 => set.terrace()?,
-        8 => set.terrain()?,
-        _ => set.plates()?,
-    }
+    set.build()?;
     set.light()
 }
 
@@ -40,6 +34,20 @@ struct Set<'a> {
 }
 
 impl Set<'_> {
+    fn build(&mut self) -> Result<(), Error> {
+        let builds: [(f64, Step<Self>); 8] = [
+            (4.0, Self::ground),
+            (2.0, Self::backdrop),
+            (2.0, Self::terrace),
+            (1.0, Self::terrain),
+            (1.0, Self::plates),
+            (1.0, Self::pool),
+            (1.2, Self::glassware),
+            (2.3, Self::table_top),
+        ];
+        self.random.weighted(&builds)(self)
+    }
+
     /// A floor of this half-extent.
     fn floor(&mut self, half: f64) -> Result<(), Error> {
         let mesh = solid::sheet(1, 2.0 * half, |_, _| 0.0);
@@ -63,8 +71,10 @@ impl Set<'_> {
         Ok(())
     }
 
+    /// Puts an object down, a hair above what it stands on: coinciding surfaces would both be seen through glass.
     fn put(&mut self, object: &Object, at: DVec3) -> Result<(), Error> {
-        let moved = object.transformed(&DMat4::from_translation(at));
+        let place = at + DVec3::Y * (1e-3 * self.radius);
+        let moved = object.transformed(&DMat4::from_translation(place));
         self.stage.place(&moved, self.random)?;
         self.stage.show(&moved);
         Ok(())
@@ -73,7 +83,7 @@ impl Set<'_> {
     fn ground(&mut self) -> Result<(), Error> {
         let half = self.radius * self.random.log_uniform(2.0, 15.0);
         self.floor(half)?;
-        let count = self.random.integer(2, 10);
+        let count = self.random.integer(3, 14);
         self.things(0.0, count)
     }
 
@@ -98,7 +108,7 @@ impl Set<'_> {
         let role = if self.random.chance(0.6) { Role::Wall } else { Role::Floor };
         self.stage.place(&Object::of(role, Form::Mesh(mesh)), self.random)?;
         self.stage.tag("backdrop");
-        let count = self.random.integer(1, 7);
+        let count = self.random.integer(2, 9);
         self.things(0.0, count)
     }
 
@@ -131,7 +141,7 @@ impl Set<'_> {
         self.stage.place(&columns, self.random)?;
         self.stage.show(&columns);
         self.stage.tag("terrace");
-        let count = self.random.integer(2, 7);
+        let count = self.random.integer(4, 14);
         self.things(height, count)
     }
 
@@ -154,7 +164,7 @@ impl Set<'_> {
             self.stage.place(&pedestal.transformed(&DMat4::from_translation(at)), self.random)?;
             let size = self.random.uniform(0.7, 1.2) * (high.x - low.x);
             let thing = object::thing(self.random, size);
-            self.put(&thing, at + DVec3::Y * (high.y + 1e-3))?;
+            self.put(&thing, at + DVec3::Y * high.y)?;
         }
         Ok(())
     }
@@ -177,13 +187,104 @@ impl Set<'_> {
         for k in 0..self.random.integer(3, 6) {
             let radius = r * 0.008 * 2.3_f64.powi(k as i32);
             let x = r * self.random.uniform(-0.9, 0.9);
-            let center = DVec3::new(x, 1.1 * r, -1.0 * r);
+            let center = DVec3::new(x, 1.1 * r, -r);
             let radiance = colour::light(self.random) * (0.3 * r * r / (radius * radius));
             self.stage.add_shining(Form::Sphere { center, radius }, radiance);
         }
         self.stage.tag("plates");
         self.stage.tag("several-lights");
         let count = self.random.integer(0, 2);
+        self.things(0.0, count)
+    }
+
+    /// A basin with water in it, over tiles, and things on the bottom and beside it.
+    fn pool(&mut self) -> Result<(), Error> {
+        let (r, depth) = (self.radius, self.radius * self.random.uniform(0.2, 0.8));
+        let (inner, outer) = (r, r * self.random.uniform(1.3, 4.0));
+        let (low, rim) = (-depth - 0.1 * r, 0.08 * r);
+        let mut basin = Object::default();
+        let box_of = |low: [f64; 3], high: [f64; 3]| solid::cuboid(low.into(), high.into());
+        for (low, high) in [
+            ([-outer, low, -outer], [outer, rim, -inner]),
+            ([-outer, low, inner], [outer, rim, outer]),
+            ([-outer, low, -inner], [-inner, rim, inner]),
+            ([inner, low, -inner], [outer, rim, inner]),
+        ] {
+            basin.add_mesh(Role::Tiled, &box_of(low, high));
+        }
+        // From above, where the water is seen over the rim.
+        self.stage.camera_box.0.y = 0.4 * r;
+        let bottom = box_of([-inner, low, -inner], [inner, -depth, inner]);
+        basin.add_mesh(Role::Tiled, &bottom);
+        self.stage.place(&basin, self.random)?;
+        let noise = Noise::new(self.random.seed());
+        let (scale, height) = (self.random.uniform(2.0, 8.0), self.random.log_uniform(0.002, 0.03));
+        let water = solid::sheet(100, 1.0, |x, z| {
+            height * noise.space_octaves(DVec3::new(x, 0.3, z) * scale, 3)
+        });
+        // The rim of the sheet is inside the walls.
+        let stretch = DMat4::from_scale(DVec3::new(1.02 * inner, r, 1.02 * inner));
+        let water = Object::of(Role::Water, Form::Mesh(water.transformed(&stretch)));
+        self.stage.place(&water, self.random)?;
+        self.stage.show(&water);
+        self.stage.tag("caustic");
+        self.stage.tag("pool");
+        let count = self.random.integer(0, 4);
+        self.things(-depth, count)?;
+        if self.random.chance(0.7) {
+            let radius = r * self.random.log_uniform(0.04, 0.3);
+            let center =
+                r * self.random.point(DVec3::new(-1.0, 1.5, -1.0), DVec3::new(1.0, 3.0, 1.0));
+            let radiance = colour::light(self.random) * (2.0 * r * r / (radius * radius));
+            self.stage.add_shining(Form::Sphere { center, radius }, radiance);
+            self.stage.tag("sphere-light");
+        }
+        Ok(())
+    }
+
+    /// Glass things on a pale ground under a small strong light.
+    fn glassware(&mut self) -> Result<(), Error> {
+        self.floor(6.0 * self.radius)?;
+        let r = self.radius;
+        let mut plan = FloorPlan::new(DVec2::splat(-r), DVec2::splat(r));
+        for _ in 0..self.random.integer(1, 5) {
+            let size = r * self.random.log_uniform(0.3, 1.0);
+            let mut thing = object::thing(self.random, size);
+            if self.random.chance(0.7) {
+                thing = thing.recast(|role| role == Role::Thing(0), Role::Glass);
+            }
+            if let Some(at) = plan.find(self.random, 0.55 * size) {
+                self.put(&thing, DVec3::new(at.x, 0.0, at.y))?;
+            }
+        }
+        let mut direction = self.random.direction();
+        direction.y = direction.y.abs() + 0.5;
+        let center = direction.normalize() * r * self.random.uniform(2.0, 4.0);
+        let radius = r * self.random.log_uniform(0.03, 0.2);
+        let radiance = colour::light(self.random) * (4.0 * r * r / (radius * radius));
+        self.stage.add_shining(Form::Sphere { center, radius }, radiance);
+        self.stage.tag("caustic");
+        self.stage.tag("sphere-light");
+        Ok(())
+    }
+
+    /// A table top full of things, seen close.
+    fn table_top(&mut self) -> Result<(), Error> {
+        let r = self.radius;
+        let size = DVec3::new(2.4 * r, 1.2 * r, 2.4 * r);
+        let table = object::table(self.random, size);
+        let down = DMat4::from_translation(DVec3::NEG_Y * 1.2 * r);
+        self.stage.place(&table.transformed(&down), self.random)?;
+        if self.random.chance(0.7) {
+            let far = 3.0 * r;
+            let low = DVec3::new(-far, -1.2 * r, -far);
+            let corner = solid::cuboid(low - 0.1 * r, DVec3::new(far, -1.2 * r, far));
+            let wall = solid::cuboid(low - 0.1 * r, DVec3::new(far, 3.0 * r, -far));
+            self.stage.place(&Object::of(Role::Floor, Form::Mesh(corner)), self.random)?;
+            self.stage.place(&Object::of(Role::Wall, Form::Mesh(wall)), self.random)?;
+        }
+        self.stage.tag("still-life");
+        let count = self.random.integer(4, 12);
         self.things(0.0, count)
     }
 

@@ -10,6 +10,9 @@ use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+/// What a set or a room does to its stage, by one of several methods.
+pub(super) type Step<T> = fn(&mut T) -> Result<(), Error>;
+
 /// Index of a material on the stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MaterialIndex(usize);
@@ -37,7 +40,7 @@ pub(super) struct Stage {
     surfaces: Vec<Surface>,
     materials: Vec<Element>,
     lights: Vec<Light>,
-    files: usize,
+    files: Vec<PathBuf>,
     /// What it contains.
     pub(super) tags: BTreeSet<&'static str>,
     /// What cameras may look at.
@@ -54,7 +57,7 @@ impl Stage {
             surfaces: Vec::new(),
             materials: Vec::new(),
             lights: Vec::new(),
-            files: 0,
+            files: Vec::new(),
             tags: BTreeSet::new(),
             interests: Vec::new(),
             camera_box: (DVec3::splat(-1e3), DVec3::splat(1e3)),
@@ -63,9 +66,9 @@ impl Stage {
 
     /// A new file: its name in the scene and its path.
     pub(super) fn file(&mut self, stem: &str, extension: &str) -> (String, PathBuf) {
-        self.files += 1;
-        let name = format!("{stem}-{:02}.{extension}", self.files);
+        let name = format!("{stem}-{:02}.{extension}", self.files.len() + 1);
         let path = self.folder.join(&name);
+        self.files.push(path.clone());
         (name, path)
     }
 
@@ -161,6 +164,17 @@ impl Stage {
         }
         self.surfaces = surfaces;
         Ok(elements)
+    }
+
+    /// Removes what was written for a scene that is given up.
+    ///
+    /// # Errors
+    /// The file system refuses.
+    pub(super) fn remove_files(&self) -> Result<(), Error> {
+        for path in &self.files {
+            std::fs::remove_file(path).map_err(|source| Error::io(path, source))?;
+        }
+        Ok(())
     }
 
     /// The whole scene file; `shapes` are those of [`Stage::write_meshes`]. Light is multiplied by `exposure`.

@@ -34,12 +34,23 @@ impl Look {
                     Tiles, Tiles, Bricks, Stripes, Noise, Fractal, Spots, Wood, Gradient, Lettering,
                 ],
             },
+            Role::Tiled => Self {
+                share: 0.97,
+                repeats: [0.5, 2.5],
+                patterns: &[Tiles, Tiles, Tiles, Bricks, Checks],
+            },
+            Role::Coloured => Self { share: 0.1, repeats: [0.3, 2.0], patterns: &[] },
+            Role::Polished => Self {
+                share: 0.7,
+                repeats: [0.25, 1.0],
+                patterns: &[Tiles, Tiles, Checks, Wood, Wood, Marble, Marble, Cells],
+            },
             Role::Ceiling => {
                 Self { share: 0.1, repeats: [0.3, 1.0], patterns: &[Tiles, Wood, Noise] }
             }
             Role::Floor => Self {
-                share: 0.75,
-                repeats: [0.2, 1.5],
+                share: 0.7,
+                repeats: [0.25, 2.0],
                 patterns: &[
                     Tiles, Tiles, Checks, Wood, Wood, Marble, Fractal, Bricks, Cells, Weave, Grain,
                     Stripes, Spots,
@@ -160,7 +171,13 @@ impl Maker<'_> {
     fn one_colour(&mut self, role: Role) -> DVec3 {
         match role {
             Role::Wall | Role::Ceiling if self.random.chance(0.7) => colour::pale(self.random),
-            Role::Floor if self.random.chance(0.6) => colour::earthen(self.random),
+            Role::Coloured => {
+                let (saturation, value) =
+                    (self.random.uniform(0.5, 0.95), self.random.uniform(0.3, 0.8));
+                colour::hsv(self.random.unit(), saturation, value)
+            }
+            Role::Tiled if self.random.chance(0.7) => colour::pale(self.random),
+            Role::Floor | Role::Polished if self.random.chance(0.6) => colour::earthen(self.random),
             Role::Furniture if self.random.chance(0.5) => colour::earthen(self.random),
             Role::Leaf => {
                 let (hue, value) =

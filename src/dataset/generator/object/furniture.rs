@@ -156,6 +156,31 @@ pub(super) fn panel(random: &mut Random) -> Object {
     object
 }
 
+/// A basin on a foot, or a tub, with a tap over it.
+pub(in crate::dataset::generator) fn basin(random: &mut Random) -> Object {
+    let (radius, height) = (random.uniform(0.22, 0.4), random.uniform(0.5, 0.85));
+    let (depth, wall) = (random.uniform(0.1, 0.25), 0.025);
+    let foot = radius * random.uniform(0.3, 0.9);
+    let profile = [
+        DVec2::ZERO,
+        DVec2::new(foot, 0.0),
+        DVec2::new(0.8 * foot, height - depth - wall),
+        DVec2::new(0.75 * radius, height - 0.8 * depth),
+        DVec2::new(radius, height),
+        DVec2::new(radius - wall, height),
+        DVec2::new(0.65 * radius, height - 0.8 * depth),
+        DVec2::new(0.0, height - depth),
+    ];
+    let smooth = solid::smooth_curve(&profile, 6);
+    let smooth: Vec<DVec2> = smooth.iter().map(|p| p.max(DVec2::ZERO)).collect();
+    let mut object = Object::of(Role::Plate(0), Form::Mesh(solid::revolve(&smooth, 64)));
+    let tap = [(0.9, 0.0), (0.9, 0.2), (0.7, 0.3), (0.4, 0.28), (0.3, 0.18)]
+        .map(|(x, y)| DVec3::new(x * radius, height + y, 0.0));
+    let tube = solid::tube(&solid::smooth_curve(&tap, 6), |_| 0.014, 12, false);
+    object.add_mesh(Role::Metal, &tube);
+    object
+}
+
 /// A pedestal of this height.
 pub(in crate::dataset::generator) fn pedestal(random: &mut Random, height: f64) -> Object {
     let corners = random.pick(&[4, 4, 6, 8, 48]);

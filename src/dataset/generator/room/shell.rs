@@ -186,3 +186,69 @@ impl Wall {
         Behind { shell, lamp: self.to_room.transform_point3(lamp) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Geometry, Part, Ray};
+    use glam::Vec3;
+
+    /// A mesh as the loader would make it.
+    fn part(mesh: &Mesh) -> Part {
+        Part::Mesh(crate::geometry::Mesh {
+            positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
+            triangles: mesh.triangles.clone(),
+            ..crate::geometry::Mesh::default()
+        })
+    }
+
+    /// How many of rays in all directions leave the room around the origin.
+    fn escapes(meshes: &[Mesh]) -> usize {
+        let geometry = Geometry::new(meshes.iter().map(part).collect());
+        let mut random = Random::new(3, 0);
+        let rays = (0..4000).map(|_| Ray::new(Vec3::Y, random.direction().as_vec3()));
+        rays.filter(|ray| geometry.intersect(ray).is_none()).count()
+    }
+
+    fn room(opening: Option<&Opening>) -> (Vec<Mesh>, [Wall; 4]) {
+        let size = DVec3::new(3.0, 2.5, 4.0);
+        let half = DVec3::new(1.5, 2.5, 2.0);
+        let walls = Wall::around(size);
+        let mut meshes = vec![floor(half, 0.0, 1.0), floor(half, 2.5, -1.0)];
+        let with = |(side, wall): (usize, &Wall)| wall.with_opening(opening.filter(|_| side == 1));
+        meshes.extend(walls.iter().enumerate().map(with));
+        (meshes, walls)
+    }
+
+    #[test]
+    fn only_windows_let_light_into_a_room() {
+        assert_eq!(escapes(&room(None).0), 0);
+        let window =
+            Opening { low: DVec2::new(1.0, 0.8), high: DVec2::new(3.0, 2.0), is_door: false };
+        assert!(escapes(&room(Some(&window)).0) > 50);
+    }
+
+    #[test]
+    fn the_room_behind_a_door_is_closed() {
+        let door = Opening { low: DVec2::new(1.0, 0.0), high: DVec2::new(1.9, 2.0), is_door: true };
+        let (mut meshes, walls) = room(Some(&door));
+        assert!(escapes(&meshes) > 50);
+        let behind = walls[1].behind(&door, 1.5, 2.5);
+        assert!(behind.lamp.x.abs() > 1.5, "outside the first room: {}", behind.lamp);
+        meshes.push(behind.shell);
+        assert_eq!(escapes(&meshes), 0);
+    }
+
+    #[test]
+    fn walls_stand_where_they_are_said_to() {
+        let walls = Wall::around(DVec3::new(3.0, 2.5, 4.0));
+        let side =
+            |wall: &Wall| wall.to_room.transform_point3(DVec3::new(0.5 * wall.width, 1.0, 0.0));
+        let middles = [DVec3::Z * 2.0, DVec3::X * 1.5, DVec3::Z * -2.0, DVec3::X * -1.5];
+        for (wall, middle) in walls.iter().zip(middles) {
+            assert!((side(wall) - (middle + DVec3::Y)).length() < 1e-9, "{}", side(wall));
+            let inward = wall.to_room.transform_vector3(DVec3::Z);
+            assert!(inward.dot(middle) < 0.0);
+        }
+    }
+}
