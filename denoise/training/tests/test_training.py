@@ -166,7 +166,9 @@ def test_a_run_leaves_its_configuration_logs_and_plot(data, tmp_path):
     assert [int(row["step"]) for row in rows] == [50]
     validation = list(csv.DictReader((tmp_path / "run" / "validation.csv").open()))
     assert len(validation) == 1
-    assert float(validation[0]["relative L2 ratio all"]) > 0
+    # End to end (METHODS 13.8): the scene was never trained on, and its pictures improve.
+    assert 0 < float(validation[0]["relative L2 ratio all"]) < 0.5
+    assert 0 < float(validation[0]["1-SSIM ratio all"]) < 0.8
 
 
 def test_a_run_of_another_network_is_not_continued(data, tmp_path, capsys):
