@@ -306,13 +306,12 @@ fn sum_columns<const R: usize>(row: &Row) -> Row {
     // Room on both sides makes the loop as long as the row, a whole number of vectors.
     let mut padded = [0.0; SIDE + 2 * PATCH];
     padded[R..R + SIDE].copy_from_slice(row);
-    let mut sums = [0.0; SIDE];
-    for column in 0..SIDE {
-        let mut sum = padded[column];
-        for tap in 1..=2 * R {
-            sum += padded[column + tap];
+    let mut sums = *first(&padded);
+    // Tap by tap: all taps of a column at once are not turned into vectors.
+    for tap in 1..=2 * R {
+        for column in 0..SIDE {
+            sums[column] += padded[column + tap];
         }
-        sums[column] = sum;
     }
     sums
 }

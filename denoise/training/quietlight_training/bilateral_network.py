@@ -52,11 +52,8 @@ class Network(nn.Module):
             wanted = torch.tensor([inverse_softplus(value) for value in start[:6]])
             self.output.bias.copy_(wanted - 0.5 * self.output.weight.sum(1))
 
-    def forward(self, features: Tensor, keep: Tensor | None = None) -> Tensor:
-        """`keep` `[pixels, 36]` is 0 for the features that a pixel is not to see and 1 for the others."""
+    def forward(self, features: Tensor) -> Tensor:
         normalised = ((features - self.mean) / (self.deviation + DEVIATION_EPSILON)).clamp(-FARTHEST, FARTHEST)
-        if keep is not None:
-            normalised = normalised * keep
         argument = self.output(torch.sigmoid(self.hidden(normalised))).clamp(*ARGUMENT)
         colour = self.log_colour.exp().expand(len(features), 1)
         return torch.cat((softplus(argument), colour), 1)
@@ -107,5 +104,5 @@ class Constant(nn.Module):
         super().__init__()
         self.logarithms = nn.Parameter(torch.tensor(start).log())
 
-    def forward(self, features: Tensor, keep: Tensor | None = None) -> Tensor:
+    def forward(self, features: Tensor) -> Tensor:
         return self.logarithms.exp().expand(len(features), len(self.logarithms))

@@ -36,16 +36,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pixels", type=int, default=16, help="pixels drawn of each noisy image")
     parser.add_argument("--batch", type=int, default=512, help="pixels of a step")
     parser.add_argument("--rate", type=float, default=0.02, help="learning rate at the start; it falls to a tenth")
-    parser.add_argument("--dropout", type=float, default=0.2, help="part of the features left out in training")
-    parser.add_argument("--weight-decay", type=float, default=0.05, help="of the network's weights, as AdamW has it")
     parser.add_argument("--balance", choices=BALANCES, default="noise", help="what an image's error is measured by")
     parser.add_argument("--seed", type=int, default=0, help="of the weights and the pixels")
     parser.add_argument("--threads", type=int, default=1, help="threads of torch")
 
 
-def error(model: nn.Module, pool: Pool, part: slice, keep: Tensor | None = None) -> Tensor:
-    """The error of each pixel of a part of the pool, `[pixels]`; `keep` as for the network."""
-    filtered = Filter.apply(model(pool.features[part], keep), pool.distances[part], pool.colours[part])
+def error(model: nn.Module, pool: Pool, part: slice) -> Tensor:
+    """The error of each pixel of a part of the pool, `[pixels]`."""
+    filtered = Filter.apply(model(pool.features[part]), pool.distances[part], pool.colours[part])
     return relative_error(filtered, pool.reference[part], pool.weight[part])
 
 
@@ -67,30 +65,17 @@ def validate(model: nn.Module, pool: Pool, batch: int) -> float:
     return (robust(filtered) / robust(relative_error(pool.noisy, pool.reference, pool.weight))).item()
 
 
-def train_pool(
-    model: nn.Module, optimiser: torch.optim.Optimizer, pool: Pool, batch: int, dropout: float = 0.0
-) -> float:
-    """One pass over the pixels, each of whose features is left out with the probability `dropout`; the mean loss of its
-    steps. What is left out cannot tell the scenes of the training set by heart."""
+def train_pool(model: nn.Module, optimiser: torch.optim.Optimizer, pool: Pool, batch: int) -> float:
+    """One pass over the pixels; the mean loss of its steps."""
     losses = []
     for part in parts(pool, batch):
-        features = pool.features[part]
-        keep = (torch.rand_like(features) >= dropout).to(features.dtype) if dropout > 0 else None
-        loss = robust(error(model, pool, part, keep))
+        loss = robust(error(model, pool, part))
         optimiser.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(model.parameters(), 1.0)
         optimiser.step()
         losses.append(loss.item())
     return sum(losses) / len(losses)
-
-
-def optimiser_of(model: nn.Module, args: argparse.Namespace) -> torch.optim.Optimizer:
-    """AdamW; only matrices decay, not biases or the logarithms of multipliers."""
-    matrices = [parameter for parameter in model.parameters() if parameter.ndim == 2]
-    others = [parameter for parameter in model.parameters() if parameter.ndim < 2]
-    groups = [{"params": matrices, "weight_decay": args.weight_decay}, {"params": others, "weight_decay": 0.0}]
-    return torch.optim.AdamW([group for group in groups if group["params"]], args.rate)
 
 
 def rate_at(epoch: int, epochs: int) -> float:
@@ -121,7 +106,7 @@ def run(args: argparse.Namespace) -> None:
         mean, deviation = normalisation(training)
         state = {"round": 0, "seconds": 0.0, "mean": mean, "deviation": deviation, "best": {}}
     models = {"network": Network(mean, deviation), "constant": Constant()}
-    optimisers = {name: optimiser_of(model, args) for name, model in models.items()}
+    optimisers = {name: torch.optim.Adam(model.parameters(), args.rate) for name, model in models.items()}
     for name, model in models.items():
         if name in state:
             model.load_state_dict(state[name])
@@ -140,7 +125,7 @@ def run(args: argparse.Namespace) -> None:
             for name, model in models.items():
                 for group in optimisers[name].param_groups:
                     group["lr"] = args.rate * rate_at(epoch, epochs)
-                row[f"{name}_loss"] = train_pool(model, optimisers[name], pool, args.batch, args.dropout)
+                row[f"{name}_loss"] = train_pool(model, optimisers[name], pool, args.batch)
                 ratio = row[f"{name}_ratio"] = validate(model, validation, args.batch)
                 if name not in best or ratio < best[name]["ratio"]:
                     best[name] = {"ratio": ratio, "epoch": epoch + 1, "weights": copy.deepcopy(model.state_dict())}
