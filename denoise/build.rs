@@ -1,6 +1,6 @@
 //! Brings onnxruntime and the weights of the networks into the library.
 //!
-//! onnxruntime comes from PyPI or npm, by the name and version of its package, is checked by its SHA-256 and kept in
+//! onnxruntime comes from `PyPI` or `npm`, by the name and version of its package, is checked by its SHA-256 and kept in
 //! `target/onnxruntime`, which all profiles share. Where it cannot be had the build goes on without, says so, and the
 //! next build tries again; the library is then looked for when it is needed. See `src/kpcn/library.rs`.
 
@@ -27,7 +27,7 @@ struct Package {
     fetch: fn(&Path) -> Result<PathBuf, Box<dyn Error>>,
 }
 
-/// Not 1.29 or newer from PyPI: those carry a telemetry client, on by default, that writes into the user's home.
+/// Not 1.29 or newer from `PyPI`: those carry a telemetry client, on by default, that writes into the user's home.
 const PACKAGES: [Package; 2] = [
     Package {
         file: "libonnxruntime.so.1.28.0",
