@@ -34,7 +34,13 @@ fn kernels(criterion: &mut Criterion) {
     let levels: Vec<&[f32]> = levels.iter().map(Vec::as_slice).collect();
     group.bench_function("pyramid", |bencher| {
         bencher.iter(|| {
-            apply_pyramid::<CHANNELS>(black_box(&levels), [SIDE, SIDE], [SIDE, SIDE], &signal)
+            apply_pyramid::<CHANNELS>(
+                black_box(&levels),
+                [SIDE, SIDE],
+                [SIDE, SIDE],
+                &[0..SIDE, 0..SIDE],
+                &signal,
+            )
         });
     });
     for size in [5, 21] {

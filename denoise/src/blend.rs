@@ -44,8 +44,9 @@ const ROUNDS: usize = 3;
 /// Where everything is denoised by more than this, the mixture is the denoised image for the reference's purpose.
 const NEARLY_ALL: f32 = 0.95;
 
-/// Standard deviations `c` by which harm must stand out.
-const CERTAINTY: f64 = 2.0;
+/// Standard deviations `c` by which harm must stand out. Less and chance brings noise back; more and a filter that harms
+/// under much noise is left alone.
+const CERTAINTY: f64 = 1.5;
 
 /// How much of the denoised image there is in the mixture.
 #[derive(Clone, Copy, Debug, PartialEq)]

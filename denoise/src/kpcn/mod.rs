@@ -205,7 +205,8 @@ fn reconstruct<'a>(
             done += 1.0;
             progress(done / steps);
         }
-        network.release_memory()?;
+        let most = tiles.iter().map(|tile| tile.padded[0] * tile.padded[1]).max();
+        network.release_memory(most.unwrap_or(0));
     }
     for branch in Branch::ALL {
         if networks.iter().all(|network| network.branch != branch) {
@@ -248,7 +249,9 @@ fn filter_tile(
 
 fn apply<const C: usize>(kind: Kind, logits: &[&[f32]], tile: &Tile, signal: &[f32]) -> Vec<f32> {
     match kind {
-        Kind::KernelPyramid => pyramid::apply::<C>(logits, tile.padded, tile.size(), signal),
+        Kind::KernelPyramid => {
+            pyramid::apply::<C>(logits, tile.padded, tile.size(), &tile.core(), signal)
+        }
         Kind::Kernel { size } => kernel::apply::<C>(logits[0], tile.size(), size, signal),
     }
 }

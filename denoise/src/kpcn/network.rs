@@ -11,8 +11,8 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use ort::environment::Environment;
+use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
-use ort::session::{RunOptions, Session};
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
 use super::channels;
@@ -129,9 +129,10 @@ fn load_runtime() -> Result<Runtime, String> {
 /// A network ready to run.
 #[derive(Debug)]
 pub struct Network {
-    /// A session runs one input at a time.
-    session: Mutex<Session>,
-    name: String,
+    model: Model,
+    threads: usize,
+    /// A session runs one input at a time. `None` after its memory was given back, until the next run.
+    session: Mutex<Option<Session>>,
     /// What it predicts.
     pub kind: Kind,
     /// Which light it is for.
@@ -159,9 +160,10 @@ impl Network {
     }
 
     fn load(runtime: &Runtime, model: &Model, threads: usize) -> Result<Self, Error> {
-        let session = session(&runtime.environment, &model.bytes, threads).map_err(|reason| {
-            model.refused(format!("a file that cannot be loaded ({reason})"), "an ONNX network")
-        })?;
+        let session =
+            session_of(&runtime.environment, &model.bytes, threads).map_err(|reason| {
+                model.refused(format!("a file that cannot be loaded ({reason})"), "an ONNX network")
+            })?;
         let metadata = session.metadata().map_err(|error| {
             model.refused(format!("no metadata ({error})"), "the metadata of a network")
         })?;
@@ -199,11 +201,12 @@ impl Network {
         check_tensors(model, "inputs", session.inputs(), &[("input".into(), channels, 0)])?;
         check_tensors(model, "outputs", outputs, &kind.outputs())?;
         drop(metadata);
-        Ok(Self { session: Mutex::new(session), name: model.name.clone(), kind, branch })
+        let session = Mutex::new(Some(session));
+        Ok(Self { model: model.clone(), threads, session, kind, branch })
     }
 
     /// Runs the network on the `input` of a picture of that height and width (see [`channels`]), and hands its outputs to
-    /// `take`, in order: those of [`pyramid::OUTPUTS`](super::pyramid::OUTPUTS), or `[size², height, width]`. The session keeps its memory until [`Self::release_memory`].
+    /// `take`, in order: those of [`pyramid::OUTPUTS`](super::pyramid::OUTPUTS), or `[size², height, width]`.
     ///
     /// # Errors
     /// [`Error::Inference`] where onnxruntime fails or an output has not the size that follows from the input's.
@@ -213,45 +216,20 @@ impl Network {
         [height, width]: [usize; 2],
         take: impl FnOnce(&[&[f32]]) -> T,
     ) -> Result<T, Error> {
-        let options = RunOptions::new().map_err(|error| self.failed(error.to_string()))?;
-        self.run_with(&options, input, [height, width], take)
-    }
-
-    /// Gives back the memory of the runs before, which would else be kept for as long as the process lives, for each
-    /// branch its own.
-    ///
-    /// # Errors
-    /// [`Error::Inference`] where onnxruntime fails.
-    pub(super) fn release_memory(&self) -> Result<(), Error> {
-        // It is given back at the end of a run, as far as it is free then: outputs of the same run are not. Hence the
-        // smallest input there is.
-        const SIDE: usize = 16;
-        let (channels, halvings) = self.kind.input();
-        let input = vec![0.0; channels * (SIDE >> halvings) * (SIDE >> halvings)];
-        let reason = |error: ort::Error| self.failed(error.to_string());
-        let mut options = RunOptions::new().map_err(reason)?;
-        options.set("memory.enable_memory_arena_shrinkage", "cpu:0").map_err(reason)?;
-        self.run_with(&options, &input, [SIDE, SIDE], |_| ())
-    }
-
-    fn failed(&self, reason: String) -> Error {
-        Error::Inference { model: self.name.clone(), reason }
-    }
-
-    fn run_with<T>(
-        &self,
-        options: &RunOptions,
-        input: &[f32],
-        [height, width]: [usize; 2],
-        take: impl FnOnce(&[&[f32]]) -> T,
-    ) -> Result<T, Error> {
         let reason = |error: ort::Error| self.failed(error.to_string());
         let (channels, halvings) = self.kind.input();
         let shape = [1, channels, height >> halvings, width >> halvings];
         let tensor = TensorRef::from_array_view((shape, input)).map_err(reason)?;
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-        let outputs =
-            session.run_with_options(ort::inputs!["input" => tensor], options).map_err(reason)?;
+        let session = match &mut *session {
+            Some(session) => session,
+            none => {
+                let environment = &runtime()?.environment;
+                let new = session_of(environment, &self.model.bytes, self.threads);
+                none.insert(new.map_err(reason)?)
+            }
+        };
+        let outputs = session.run(ort::inputs!["input" => tensor]).map_err(reason)?;
         let mut slices = Vec::new();
         for (name, channels, halvings) in self.kind.outputs() {
             let output =
@@ -265,6 +243,20 @@ impl Network {
         }
         Ok(take(&slices))
     }
+
+    /// Gives back the memory that runs of up to `pixels` have left with the session, if it is much: a session keeps what its
+    /// largest run took, about 350 bytes a pixel, and the other branch has one too. The next run makes a new session.
+    pub(super) fn release_memory(&self, pixels: usize) {
+        // Making a session takes 50 ms, which running this many pixels outweighs ten times.
+        const MANY: usize = 1 << 18;
+        if pixels > MANY {
+            *self.session.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        }
+    }
+
+    fn failed(&self, reason: String) -> Error {
+        Error::Inference { model: self.model.name.clone(), reason }
+    }
 }
 
 /// Taps on a side of the kernels that the one output has: the square root of its channels.
@@ -277,7 +269,11 @@ fn kernel_size(model: &Model, outputs: &[Outlet]) -> Result<usize, Error> {
     Err(model.refused(format!("{channels} logits a pixel"), "the square of an odd number"))
 }
 
-fn session(environment: &Environment, bytes: &[u8], threads: usize) -> Result<Session, ort::Error> {
+fn session_of(
+    environment: &Environment,
+    bytes: &[u8],
+    threads: usize,
+) -> Result<Session, ort::Error> {
     Ok(Session::builder(environment)?
         .with_intra_threads(threads)?
         .with_inter_threads(1)?

@@ -12,6 +12,8 @@
 //! The result is `o_0`. (A partition of unity among the levels, so that it cannot overshoot as the multi-scale
 //! reconstruction of Vogels et al. 2018 can; EVIDENCE 6.)
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::softmax::{Bordered, Tap, combine};
@@ -44,11 +46,12 @@ pub const OUTPUTS: [(usize, usize); LEVELS] =
 pub(super) const GRID: Grid = Grid { multiple: 16, overlap: 128, most_pixels: 1 << 20 };
 
 /// Filters the `C` channels of `signal`, `[height, C, width]`, by the network's [`OUTPUTS`] for a picture of the size
-/// `padded`, and returns the shape of the signal.
+/// `padded`. Returns the shape of the signal, of which only the rows and columns `core` are computed.
 pub fn apply<const C: usize>(
     logits: &[&[f32]],
     padded: [usize; 2],
     size: [usize; 2],
+    core: &[Range<usize>; 2],
     signal: &[f32],
 ) -> Vec<f32> {
     let level = |level: usize| Logits {
@@ -68,7 +71,7 @@ pub fn apply<const C: usize>(
         result = filter(&images[l - 1], Some(&coarse), &level(l));
     }
     let coarse = bordered(&result, [images[0].height, images[0].width]);
-    filter_finest(size, &columns, &coarse, &level(0))
+    filter_finest(size, core, &columns, &coarse, &level(0))
 }
 
 /// The logits of a level.
@@ -202,9 +205,11 @@ fn down<const C: usize, P: Pairs<C>>(
     coarse
 }
 
-/// Filters the finest level, of that size, whose even and odd columns are apart; `[height, C, width]`.
+/// Filters the rows and columns `core` of the finest level, of that size, whose even and odd columns are apart; `[height, C,
+/// width]`, the rest 0.
 fn filter_finest<const C: usize>(
     [height, width]: [usize; 2],
+    [rows, columns]: &[Range<usize>; 2],
     fine: &[Bordered<C>; 2],
     coarse: &Bordered<C>,
     logits: &Logits<'_>,
@@ -212,11 +217,17 @@ fn filter_finest<const C: usize>(
     let barriers = [fine[0].barrier(), fine[1].barrier()];
     let coarse_barrier = coarse.barrier();
     let mut result = vec![0.0; height * C * width];
-    result.par_chunks_mut(C * width).enumerate().for_each_init(Vec::new, |half, (y, out)| {
+    let out = result.par_chunks_mut(C * width).enumerate().skip(rows.start).take(rows.len());
+    out.for_each_init(Vec::new, |half, (y, out)| {
         // The pixels of even columns, then those of odd ones.
         for phase in 0..2 {
-            let own_width = fine[phase].width;
-            let row_of = |logit: usize| logits.row(4 * logit + 2 * (y % 2) + phase, y / 2);
+            let pairs = (columns.start + 1 - phase) / 2..(columns.end + 1 - phase) / 2;
+            if pairs.is_empty() {
+                continue;
+            }
+            let start = pairs.start;
+            let row_of =
+                |logit: usize| &logits.row(4 * logit + 2 * (y % 2) + phase, y / 2)[start..];
             let mut taps = Vec::with_capacity(DOWN);
             for index in 0..FINE * FINE {
                 // From 2 X + phase − 2 on, so that the columns seen are alternately even and odd.
@@ -224,8 +235,8 @@ fn filter_finest<const C: usize>(
                 if let Some(row) = neighbour(y, dy, FINE / 2, height) {
                     taps.push(Tap {
                         logits: row_of(index),
-                        barrier: &barriers[column % 2][column / 2..],
-                        values: fine[column % 2].seen(row, column / 2),
+                        barrier: &barriers[column % 2][start + column / 2..],
+                        values: fine[column % 2].seen(row, start + column / 2),
                     });
                 }
             }
@@ -234,15 +245,15 @@ fn filter_finest<const C: usize>(
                 if let Some(row) = neighbour(y / 2, dy, COARSE / 2, coarse.height) {
                     taps.push(Tap {
                         logits: row_of(FINE * FINE + index),
-                        barrier: &coarse_barrier[dx..],
-                        values: coarse.seen(row, dx),
+                        barrier: &coarse_barrier[start + dx..],
+                        values: coarse.seen(row, start + dx),
                     });
                 }
             }
-            half.resize(C * own_width, 0.0);
-            combine(&taps, own_width, half);
-            for (out, half) in out.chunks_mut(width).zip(half.chunks(own_width.max(1))) {
-                let out = out.iter_mut().skip(phase).step_by(2);
+            half.resize(C * pairs.len(), 0.0);
+            combine(&taps, pairs.len(), half);
+            for (out, half) in out.chunks_mut(width).zip(half.chunks(pairs.len())) {
+                let out = out.iter_mut().skip(2 * start + phase).step_by(2);
                 out.zip(half).for_each(|(out, value)| *out = *value);
             }
         }

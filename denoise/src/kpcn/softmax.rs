@@ -13,7 +13,7 @@ pub(super) const BLOCK: usize = 32;
 type Row = [f32; BLOCK];
 
 /// One tap of all pixels of a row: its logits and the values that it sees in `C` channels. All slices begin at the first
-/// pixel; barrier and values reach to a multiple of [`BLOCK`].
+/// pixel; barrier and values reach [`BLOCK`] − 1 beyond the last.
 #[derive(Clone, Copy)]
 pub(super) struct Tap<'a, const C: usize> {
     /// Logits, of which the first `width` are the row's.
@@ -101,7 +101,7 @@ impl<const C: usize> Tap<'_, C> {
 /// The block of a row from column `x`.
 #[inline(always)]
 fn block(row: &[f32], x: usize) -> &Row {
-    row[x..].first_chunk().expect("rows reach to a multiple of the block")
+    row[x..].first_chunk().expect("rows reach a block beyond their last pixel")
 }
 
 /// Images of `C` channels with room around each row for taps that leave the picture: `[height, C, stride]`.
@@ -119,7 +119,7 @@ impl<const C: usize> Bordered<C> {
     /// Space for an image with `border` pixels to the left and to the right, all 0. Taps may see it from rows of up to
     /// `widest` pixels.
     pub(super) fn new([height, width]: [usize; 2], border: usize, widest: usize) -> Self {
-        let stride = widest.max(width).next_multiple_of(BLOCK) + 2 * border;
+        let stride = widest.max(width) + BLOCK - 1 + 2 * border;
         Self { values: vec![0.0; height * C * stride], stride, height, width, border }
     }
 

@@ -36,6 +36,14 @@ impl Tile {
     pub(super) fn size(&self) -> [usize; 2] {
         [self.rows.len(), self.columns.len()]
     }
+
+    /// Rows and columns that are written, as counted from the first ones that are read.
+    pub(super) fn core(&self) -> [Range<usize>; 2] {
+        let within = |core: &Range<usize>, read: &Range<usize>| {
+            core.start - read.start..core.end - read.start
+        };
+        [within(&self.core_rows, &self.rows), within(&self.core_columns, &self.columns)]
+    }
 }
 
 impl Grid {

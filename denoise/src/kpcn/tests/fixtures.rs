@@ -166,7 +166,8 @@ fn the_pyramids_result_is_pytorchs() {
         let logits: Vec<_> =
             (0..4).map(|level| numbers(&expected[format!("level{level}")])).collect();
         let logits: Vec<_> = logits.iter().map(Vec::as_slice).collect();
-        let result = pyramid::apply::<WITH_NOISE>(&logits, tile.padded, tile.size(), &signal);
+        let result =
+            pyramid::apply::<WITH_NOISE>(&logits, tile.padded, tile.size(), &tile.core(), &signal);
         let light = &planar(&result, WITH_NOISE, layers.width)[..3 * 13 * 11];
         assert_close(light, &numbers(&expected["result"]), &|_| branch.name().into());
         Filtered { branch, kind: Kind::KernelPyramid, signal: result }

@@ -22,6 +22,11 @@ fn slices(levels: &[Vec<f32>]) -> Vec<&[f32]> {
     levels.iter().map(Vec::as_slice).collect()
 }
 
+/// All rows and columns.
+fn all([height, width]: [usize; 2]) -> [std::ops::Range<usize>; 2] {
+    [0..height, 0..width]
+}
+
 /// Filters by a pyramid of random logits and by kernels of 5×5 and 21×21.
 fn filtered(random: &mut Random, size: [usize; 2], range: f32, signal: &[f32]) -> [Vec<f32>; 3] {
     let padded = size.map(|side| side.next_multiple_of(16));
@@ -30,7 +35,7 @@ fn filtered(random: &mut Random, size: [usize; 2], range: f32, signal: &[f32]) -
         let logits = random.uniforms(side * side * size[0] * size[1], -range..range);
         kernel::apply::<1>(&logits, size, side, signal)
     });
-    [pyramid::apply::<1>(&slices(&levels), padded, size, signal), small, large]
+    [pyramid::apply::<1>(&slices(&levels), padded, size, &all(size), signal), small, large]
 }
 
 #[test]
@@ -69,7 +74,10 @@ fn one_hot_logits_are_the_identity() {
         let mut levels = pyramid_logits(&mut random, padded, 3.0);
         // The centre of the 5×5 taps on the finest level: four channels of half the size.
         levels[0][12 * padded[0] * padded[1]..][..padded[0] * padded[1]].fill(200.0);
-        assert_eq!(pyramid::apply::<1>(&slices(&levels), padded, size, &signal), signal);
+        assert_eq!(
+            pyramid::apply::<1>(&slices(&levels), padded, size, &all(size), &signal),
+            signal
+        );
 
         let mut logits = random.uniforms(25 * size[0] * size[1], -3.0..3.0);
         logits[12 * size[0] * size[1]..][..size[0] * size[1]].fill(200.0);
@@ -122,7 +130,7 @@ fn only_the_coarsest_level_can_be_asked_for() {
         let count = channels * (padded[0] >> halvings) * (padded[1] >> halvings);
         logits[centre * count..][..count].fill(300.0);
     }
-    let result = pyramid::apply::<1>(&slices(&levels), padded, size, &signal);
+    let result = pyramid::apply::<1>(&slices(&levels), padded, size, &all(size), &signal);
     for (y, x) in (0..16).flat_map(|y| (0..24).map(move |x| (y, x))) {
         let (row, column) = (y / 8 * 8, x / 8 * 8);
         let cell = (row..row + 8).flat_map(|y| (column..column + 8).map(move |x| (y, x)));
@@ -135,7 +143,7 @@ fn only_the_coarsest_level_can_be_asked_for() {
 fn every_processor_gives_the_same_bits() {
     let mut random = Random(7);
     let width = 77_usize;
-    let stride = width.next_multiple_of(softmax::BLOCK);
+    let stride = width + softmax::BLOCK - 1;
     let logits = random.uniforms(9 * width, -5.0..5.0);
     let values = random.uniforms(9 * stride, 0.0..3.0);
     let barrier = vec![0.0; stride];
