@@ -94,14 +94,15 @@ impl Denoiser {
     /// [`Error::Io`] where a file cannot be read, [`Error::OnnxRuntime`] where there is nothing to open them with,
     /// [`Error::Model`] where a file is no such network or both are of one branch or of different kinds.
     pub fn from_files(files: [&Path; 2], threads: usize) -> Result<Self, Error> {
-        let mut models = Vec::new();
-        for path in files {
+        let open = |path| {
             let model = Model::read(path)?;
-            models.push((Network::of(&model, threads)?, model));
-        }
-        models.sort_by_key(|(network, _)| network.branch);
-        let [(first, diffuse), (second, specular)] =
-            models.try_into().expect("one model for each of two files");
+            Ok::<_, Error>((Network::of(&model, threads)?, model))
+        };
+        let [(first, diffuse), (second, specular)] = {
+            let [a, b] = files;
+            let (a, b) = (open(a)?, open(b)?);
+            if a.0.branch <= b.0.branch { [a, b] } else { [b, a] }
+        };
         if first.branch == second.branch {
             let found = format!("the branch '{}', as in {}", second.branch.name(), diffuse.name);
             return Err(specular.refused(found, "one file of each branch"));

@@ -146,7 +146,9 @@ impl Network {
     /// [`Error::OnnxRuntime`] where the library is missing, [`Error::Model`] where the file is not a network that this
     /// program can use.
     pub fn of(model: &Model, threads: usize) -> Result<Arc<Self>, Error> {
-        static NETWORKS: Mutex<Option<HashMap<(String, usize), Arc<Network>>>> = Mutex::new(None);
+        /// By the SHA-256 of the file and the number of threads.
+        type Networks = HashMap<(String, usize), Arc<Network>>;
+        static NETWORKS: Mutex<Option<Networks>> = Mutex::new(None);
         let runtime = runtime()?;
         let mut networks = NETWORKS.lock().unwrap_or_else(PoisonError::into_inner);
         let networks = networks.get_or_insert_default();
@@ -274,7 +276,7 @@ fn session_of(
     bytes: &[u8],
     threads: usize,
 ) -> Result<Session, ort::Error> {
-    Ok(Session::builder(environment)?
+    Session::builder(environment)?
         .with_intra_threads(threads)?
         .with_inter_threads(1)?
         // Idle threads would burn the time of the ones that work, ours among them.
@@ -282,7 +284,7 @@ fn session_of(
         // A plan of all memory is kept beside the memory itself: 160 bytes a pixel for nothing gained.
         .with_memory_pattern(false)?
         .with_optimization_level(GraphOptimizationLevel::All)?
-        .commit_from_memory(bytes)?)
+        .commit_from_memory(bytes)
 }
 
 /// The second dimension of a tensor of four.
