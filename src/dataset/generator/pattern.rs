@@ -200,7 +200,8 @@ fn tiles(size: usize, random: &mut Random, bond: f64) -> Field {
     let noise = Noise::new(random.seed());
     let rows = random.pick(&[2, 4, 8]);
     let columns = if bond > 0.0 { (rows / 2).max(1) } else { rows };
-    let joint = random.uniform(0.02, 0.09);
+    // At least a texel wide: thinner joints would be there or not by chance.
+    let joint = random.uniform(0.02, 0.09).max(1.2 * f64::from(rows) / size as f64);
     let (shades, stain) = (random.uniform(0.0, 0.6), random.uniform(0.0, 0.3));
     Field::of(size, |x, y| {
         let row = (y * f64::from(rows)).floor();

@@ -270,6 +270,8 @@ mod tests {
         assert_eq!([curve[0], curve[5], curve[10]], points);
         let sphere = Mesh::grid(32, 16, |u, v| (on_sphere(u, v), DVec2::new(u, v)));
         let outward = sphere.positions.iter().zip(&sphere.normals);
-        assert!(outward.clone().all(|(p, n)| p.dot(*n) > 0.99), "the seam and the poles, too");
+        // One-sided normals at the seam or the poles would be off by half a cell: 5.6°, whose cosine is 0.9952.
+        let worst = outward.map(|(p, n)| p.dot(*n)).fold(1.0, f64::min);
+        assert!(worst > 0.998, "{worst}");
     }
 }
