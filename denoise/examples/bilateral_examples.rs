@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p quietlight-denoise --example bilateral_examples -- IN.exr OUT.npy [IN OUT ...]`
 //!
-//! Each OUT is a NumPy array `[channels, height, width]` of 32-bit floats. The names of the channels go to standard output
+//! Each OUT is an array for `numpy.load`, `[channels, height, width]` of 32-bit floats. The names of the channels go to standard output
 //! as a JSON array. So the trainer sees what the filter sees, and the prefilter is written once.
 #![allow(clippy::print_stdout, reason = "a program for developers")]
 
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// The file of an array (NumPy, NEP 1): magic number and version, the length of the header, the header filled up to a
+/// The file of an array (format 1.0 of `numpy.lib.format`): magic number and version, the length of the header, the header filled up to a
 /// multiple of 64 bytes, the numbers.
 fn npy(image: &Image) -> Vec<u8> {
     let (channels, height, width) = image.dim();

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p quietlight-denoise --example bilateral_scores -- WEIGHTS.json CONSTANTS NOISY.exr REFERENCE.exr ...`
 //!
-//! CONSTANTS are λ₀ to λ₅ and λ_c, joined by commas. A line of JSON for each pair has the relative L2 of the noisy image, of
+//! CONSTANTS are λ₀ to λ₅ and `λ_c`, joined by commas. A line of JSON for each pair has the relative L2 of the noisy image, of
 //! it blurred by Gaussians of several widths, and of the filter with those constants, with the program's own, and with the
 //! network of WEIGHTS.
 #![allow(clippy::print_stdout, reason = "a program for developers")]

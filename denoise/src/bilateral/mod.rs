@@ -5,6 +5,7 @@
 //! let the network choose its parameters, take the spikes out of the colour variance, filter, take the spikes out of the
 //! result. A group of features that the picture has not is left out.
 
+mod block;
 mod detail;
 mod features;
 mod filter;

@@ -148,7 +148,7 @@ def test_no_gradient_where_the_argument_is_clamped(bias):
     assert network.output.bias.grad.min() > 0.9
 
 
-def test_a_pair() -> None:
+def test_the_network_beats_the_best_constants_on_one_image() -> None:
     """One image: half of it flat with noisy albedo, half of it a texture that the albedo shows."""
     overfit(20)
 
