@@ -289,7 +289,7 @@ pub(super) enum Strategy {
 fn denoiser() -> impl clap::builder::TypedValueParser<Value = Denoiser> {
     use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-    PossibleValuesParser::new(["auto", "bilateral", "kpcn"])
+    PossibleValuesParser::new(["auto", "bilateral", "bilateral-constant", "kpcn"])
         .try_map(|name| Denoiser::from_str(&name, false))
 }
 

@@ -12,7 +12,12 @@ use quietlight_denoise::{Error, Image, Layers};
 /// A denoiser that is ready to run.
 pub(super) enum Denoising {
     /// The cross-bilateral filter, with learned or constant parameters.
-    Bilateral(bilateral::Parameters),
+    Bilateral {
+        /// What it is told.
+        parameters: bilateral::Parameters,
+        /// As on the command line.
+        name: &'static str,
+    },
     /// A pair of networks.
     Kpcn {
         /// The networks.
@@ -46,9 +51,10 @@ impl Denoising {
                 Err(anyhow!("--model is for --denoiser kpcn or auto")).bad_input()
             }
             Denoiser::None => Ok(None),
-            Denoiser::Bilateral => Ok(Some(Self::Bilateral(bilateral::Parameters::learned()))),
+            Denoiser::Bilateral => Ok(Some(Self::learned_bilateral())),
             Denoiser::BilateralConstant => {
-                Ok(Some(Self::Bilateral(bilateral::Parameters::constant())))
+                let parameters = bilateral::Parameters::constant();
+                Ok(Some(Self::Bilateral { parameters, name: "bilateral-constant" }))
             }
             Denoiser::Auto | Denoiser::Kpcn if has_models => {
                 let [first, second] = &networks.models[..] else {
@@ -76,10 +82,14 @@ impl Denoising {
                     eprintln!(
                         "warning: the bilateral filter is used, for the networks cannot run: {error}"
                     );
-                    Ok(Some(Self::Bilateral(bilateral::Parameters::learned())))
+                    Ok(Some(Self::learned_bilateral()))
                 }
             },
         }
+    }
+
+    fn learned_bilateral() -> Self {
+        Self::Bilateral { parameters: bilateral::Parameters::learned(), name: "bilateral" }
     }
 
     /// Denoises with a progress bar; what had to be mended is told. To be called outside of the threads of the pool.
@@ -91,12 +101,12 @@ impl Denoising {
         let progress = Progress::new("denoise", "steps", 1000);
         let heard = |part: f32| progress.at((part * 1000.0) as u64);
         let outcome = match self {
-            Self::Bilateral(parameters) => {
+            Self::Bilateral { parameters, name } => {
                 threads.install(|| bilateral::denoise(layers, parameters, &heard)).map(|denoised| {
                     let denoised_by = Denoised {
                         image: denoised.image,
                         name: "the bilateral filter",
-                        details: vec![("denoiser", "bilateral".into())],
+                        details: vec![("denoiser", (*name).into())],
                     };
                     (denoised_by, denoised.report.sanitised)
                 })
