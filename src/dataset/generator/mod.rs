@@ -1,10 +1,10 @@
 //! Scenes out of a seed: rooms and open sets with things in them, materials, textures, lights and a camera that looks at
 //! something.
 //!
-//! Lengths are metres, `y` is up. A scene is built on a [`stage`] by [`room`] or [`open`], which put down what [`object`]
-//! makes of the meshes of [`solid`]; [`material`] gives each role of an object a material with the textures of
-//! [`pattern`], and [`lighting`] the light that no surface sends. Then the scene is loaded as a user's would be:
-//! [`camera`] chooses a view by rays, and [`exposure`] the strength of all light by a small trial picture.
+//! Lengths are metres, `y` is up. A scene is built on a `stage` by `room` or `open`, which put down what `object` makes of
+//! the meshes of `solid`; `material` gives each role of an object a material with the textures of `pattern`, and
+//! `lighting` the light that no surface sends. Then the scene is loaded as a user's would be: `camera` chooses a view by
+//! rays, and `exposure` the strength of all light by a small trial picture.
 
 mod camera;
 mod colour;
