@@ -2,8 +2,8 @@
 //! Renderings"): networks see the noisy light, its variance and the features, and predict for each pixel the weights of
 //! its neighbours.
 //!
-//! In order: take the layers and make them safe ([`buffers`]); for each tile and branch, make the network's channels
-//! ([`channels`], [`transform`]), run it ([`network`]), apply its kernels ([`pyramid`] or [`kernel`]); put the branches
+//! In order: take the layers and make them safe (`buffers`); for each tile and branch, make the network's channels
+//! (`channels`, `transform`), run it (`network`), apply its kernels (`pyramid` or `kernel`); put the branches
 //! together; mix with the noisy picture where filtering harms ([`blend`](crate::blend)). A branch without light does not
 //! run.
 

@@ -50,9 +50,9 @@ impl Branch {
 /// What a network predicts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Kernels of a pyramid of four levels ([`pyramid`](super::pyramid)).
+    /// Kernels of a pyramid of four levels (`pyramid`).
     KernelPyramid,
-    /// One kernel of `size`×`size` taps a pixel ([`kernel`](super::kernel)).
+    /// One kernel of `size`×`size` taps a pixel (`kernel`).
     Kernel {
         /// Taps on a side, odd.
         size: usize,
