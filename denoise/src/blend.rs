@@ -83,12 +83,18 @@ impl Pixel {
             let weight = 1.0 / (reference * reference + RELATIVE_L2_EPSILON);
             let change = (y - x) * (y - x);
             let noise = a * a;
-            sums[0] += weight * (change - a * (a - filtered));
+            sums[0] += weight * harm(y - x, a, filtered);
             sums[1] += weight * change;
             sums[2] += weight * weight * (4.0 * change * noise + 2.0 * noise * noise);
         }
         sums
     }
+}
+
+/// `d² − a (a − K a)`, of a change `d` and of a sample of the noise before and after the filter. Its mean is the squared
+/// error of the denoised value less its covariance with the error of the noisy one, `E[ê²] − E[e ê]`.
+fn harm(change: f64, noise: f64, filtered_noise: f64) -> f64 {
+    change * change - noise * (noise - filtered_noise)
 }
 
 /// The part `w` of the denoised image in each pixel of an image of that size, in `[0, 1]`; `pixel` tells of a pixel by its
@@ -224,12 +230,12 @@ mod tests {
                     deviation.mapv(|d| if normal.next() < 0.0 { -d } else { d })
                 };
                 let filtered = filter(&noise);
-                let harm: f64 = ndarray::Zip::from(&noisy)
+                let found: f64 = ndarray::Zip::from(&noisy)
                     .and(&denoised)
                     .and(&noise)
                     .and(&filtered)
                     .fold(0.0, |sum, &x, &y, &a, &b| {
-                        sum + f64::from((y - x) * (y - x) - a * (a - b))
+                        sum + harm((y - x).into(), a.into(), b.into())
                     });
                 let true_harm: f64 = ndarray::Zip::from(&noisy)
                     .and(&denoised)
@@ -237,7 +243,7 @@ mod tests {
                     .fold(0.0, |sum, &x, &y, &t| {
                         sum + f64::from((y - t) * (y - t) - (x - t) * (y - t))
                     });
-                differences.push(harm - true_harm);
+                differences.push(found - true_harm);
                 size += true_harm / 400.0;
             }
             let count = differences.len() as f64;
@@ -259,7 +265,7 @@ mod tests {
         let (noise, filtered) = ((&a - &b) * 0.5, (&filtered_a - &filtered_b) * 0.5);
         for (index, &x) in noisy.indexed_iter() {
             let change = denoised[index] - x;
-            let direct = change * change - noise[index] * (noise[index] - filtered[index]);
+            let direct = harm(change.into(), noise[index].into(), filtered[index].into()) as f32;
             let (of_a, of_b) = (filtered_a[index], filtered_b[index]);
             let bias = (a[index] - of_a) * (b[index] - of_b);
             let cross = bias + (of_a - of_b) * (of_a - of_b) / 4.0

@@ -18,7 +18,9 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
             Some(SeparateFile { kind, role: Role::Mean, path: path.clone()? })
         })
         .collect();
-    let contents = exr::read_separate(&arguments.input, &files).bad_input()?;
+    let mut contents = exr::read_separate(&arguments.input, &files).bad_input()?;
+    // Whatever picture is there will be replaced, and is not kept in memory until then.
+    contents.picture = None;
     let mut layers = contents.layers;
     for name in &contents.ignored {
         eprintln!("warning: channel {name} is not one that a denoiser uses; it is left out");

@@ -49,46 +49,48 @@ impl Tile {
 impl Grid {
     /// The tiles of a picture: as few pixels read in all as the bound on each allows.
     pub(super) fn tiles(&self, width: usize, height: usize) -> Vec<Tile> {
-        let cost = |&[down, across]: &[usize; 2]| {
-            let (rows, columns) = (self.cut(height, down), self.cut(width, across));
+        let cost = |(rows, columns): &(Vec<Cut>, Vec<Cut>)| {
             let read = |cuts: &[Cut]| cuts.iter().map(|cut| cut.read.len()).sum::<usize>();
             let most = |cuts: &[Cut]| cuts.iter().map(|cut| self.padded(cut)).max().unwrap_or(0);
             // A picture so large that not even the smallest tiles are within the bound takes those.
-            let excess = (most(&rows) * most(&columns)).saturating_sub(self.most_pixels);
-            (excess, read(&rows) * read(&columns))
+            let excess = (most(rows) * most(columns)).saturating_sub(self.most_pixels);
+            (excess, read(rows) * read(columns))
         };
-        let choices = |length: usize| 1..=length.div_ceil(self.multiple).min(MOST_CUTS);
+        let choices =
+            |length: usize| (1..=MOST_CUTS).filter_map(move |parts| self.cut(length, parts));
         let best = choices(height)
-            .flat_map(|down| choices(width).map(move |across| [down, across]))
-            .min_by_key(cost)
-            .unwrap_or([1, 1]);
-        let columns = self.cut(width, best[1]);
-        self.cut(height, best[0])
-            .into_iter()
+            .flat_map(|rows| choices(width).map(move |columns| (rows.clone(), columns)))
+            .min_by_key(cost);
+        let (rows, columns) = best.expect("one part is always possible");
+        rows.iter()
             .flat_map(|row| {
                 columns.iter().map(move |column| Tile {
                     rows: row.read.clone(),
                     columns: column.read.clone(),
                     core_rows: row.write.clone(),
                     core_columns: column.write.clone(),
-                    padded: [self.padded(&row), self.padded(column)],
+                    padded: [self.padded(row), self.padded(column)],
                 })
             })
             .collect()
     }
 
-    /// Cuts a length into `parts` of nearly one size.
-    fn cut(&self, length: usize, parts: usize) -> Vec<Cut> {
-        let blocks = length.div_ceil(self.multiple);
-        let edge = |part: usize| (blocks * part / parts * self.multiple).min(length);
-        (0..parts)
-            .map(|part| {
-                let write = edge(part)..edge(part + 1);
-                let read = write.start.saturating_sub(self.overlap)
-                    ..(write.end + self.overlap).min(length);
-                Cut { read, write }
-            })
-            .collect()
+    /// Cuts a length into parts that read equally much, the last perhaps a little less: the network's memory is then as
+    /// good for the next tile. `None` where so many parts would write nothing.
+    fn cut(&self, length: usize, parts: usize) -> Option<Vec<Cut>> {
+        let overlaps = 2 * self.overlap * (parts - 1);
+        let read = (length + overlaps).div_ceil(parts).next_multiple_of(self.multiple);
+        let step = read.checked_sub(2 * self.overlap).filter(|&step| step > 0 || parts == 1);
+        let step = if parts == 1 { length } else { step? };
+        let cut = |part: usize| {
+            let start = part * step;
+            let end = (start + read).min(length);
+            let write_start = if part == 0 { 0 } else { start + self.overlap };
+            let write_end = if part + 1 == parts { length } else { start + step + self.overlap };
+            (write_start < write_end && write_end <= length)
+                .then_some(Cut { read: start..end, write: write_start..write_end })
+        };
+        (0..parts).map(cut).collect()
     }
 
     fn padded(&self, cut: &Cut) -> usize {
@@ -100,7 +102,7 @@ impl Grid {
 const MOST_CUTS: usize = 32;
 
 /// One of the parts along an axis.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Cut {
     read: Range<usize>,
     write: Range<usize>,
