@@ -51,13 +51,13 @@ pub(super) fn tint(random: &mut Random) -> DVec3 {
     }
 }
 
-/// The colour of a light with luminance near 1: warm, neutral, cold, at times saturated.
+/// The colour of a light with luminance near 1: warm, neutral, cold, one in twenty of any hue.
 pub(super) fn light(random: &mut Random) -> DVec3 {
-    let colour = match random.integer(0, 9) {
-        0..=3 => hsv(random.uniform(0.06, 0.12), random.uniform(0.1, 0.65), 1.0),
-        4..=6 => DVec3::ONE,
-        7 | 8 => hsv(random.uniform(0.55, 0.65), random.uniform(0.05, 0.4), 1.0),
-        _ => hsv(random.unit(), random.uniform(0.5, 0.95), 1.0),
+    let colour = match random.integer(0, 19) {
+        0..=7 => hsv(random.uniform(0.06, 0.12), random.uniform(0.1, 0.65), 1.0),
+        8..=13 => DVec3::ONE,
+        14..=18 => hsv(random.uniform(0.55, 0.65), random.uniform(0.05, 0.4), 1.0),
+        _ => hsv(random.unit(), random.uniform(0.3, 0.85), 1.0),
     };
     colour / luminance(colour).max(0.05)
 }
