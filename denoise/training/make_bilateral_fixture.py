@@ -1,7 +1,7 @@
 """Writes `denoise/tests/fixtures/bilateral.json`: what the bilateral filter of Rust must compute from the same numbers.
 
-Random planes and secondary features of a small image, random weights of the network, and the multipliers and the filtered
-image that these make, in float64. Arrays are flat, planar and row-major.
+Random planes and secondary features of a small image, random weights of the network, and the multipliers and the
+filtered image that these make, in float64. Arrays are flat, planar and row-major.
 """
 
 import json

@@ -7,9 +7,7 @@ from quietlight_training import bilateral_train, kpcn_train
 from quietlight_training.verbs import Subcommand, run_verb
 
 SUBCOMMANDS = {
-    "bilateral": Subcommand(
-        "the network of the bilateral filter", bilateral_train.add_arguments, bilateral_train.run
-    ),
+    "bilateral": Subcommand("the network of the bilateral filter", bilateral_train.add_arguments, bilateral_train.run),
     "kpcn": Subcommand("the kernel-predicting network", kpcn_train.add_arguments, kpcn_train.run),
 }
 

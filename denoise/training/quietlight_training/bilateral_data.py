@@ -114,9 +114,9 @@ LEAST_NOISE = 1e-6
 def image_weight(planes: Tensor, reference: Tensor, spp: int, balance: str) -> float:
     """What an image's errors count.
 
-    The paper multiplies by the samples per pixel (`samples`), by which the noise of one scene falls. Scenes differ in noise
-    by far more, and those of fireflies would decide alone: `noise` divides by the noise itself, so that the mean error of
-    an image left as it is is 1.
+    The paper multiplies by the samples per pixel (`samples`), by which the noise of one scene falls. Scenes differ in
+    noise by far more, and those of fireflies would decide alone: `noise` divides by the noise itself, so that the mean
+    error of an image left as it is is 1.
     """
     if balance == "samples":
         return float(spp)

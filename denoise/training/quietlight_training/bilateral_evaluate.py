@@ -31,8 +31,8 @@ def choose_gaussian(scores: list[dict]) -> None:
 
 
 def table(scores: list[dict]) -> str:
-    """For each range of samples per pixel the mean relative L2 of each method, its geometric mean over that of the noisy
-    image, and the part of the images on which the learned filter beats the method."""
+    """For each range of samples per pixel the mean relative L2 of each method, its geometric mean over that of the
+    noisy image, and the part of the images on which the learned filter beats the method."""
     lines = [f"{'spp':>8} {'images':>6} " + " ".join(f"{name:>26}" for name in METHODS)]
     for first, last in (*BINS, (BINS[0][0], BINS[-1][1])):
         rows = [dict(score) for score in scores if first <= score["spp"] <= last]

@@ -48,8 +48,8 @@ class Filter(torch.autograd.Function):
 def windows(planes: Tensor, rows: Tensor, columns: Tensor, radius: int = RADIUS) -> tuple[Tensor, Tensor]:
     """Distances `[pixels, 7, taps]` and colours `[pixels, taps, 3]` of the windows around some pixels.
 
-    `planes` `[32, height, width]`: colour, its variance, and mean and variance of each feature group in turn. Taps outside
-    the picture are infinitely far in effect.
+    `planes` `[32, height, width]`: colour, its variance, and mean and variance of each feature group in turn. Taps
+    outside the picture are infinitely far in effect.
     """
     height, width = planes.shape[1:]
     offsets = torch.arange(-radius, radius + 1)

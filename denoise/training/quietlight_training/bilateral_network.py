@@ -62,7 +62,9 @@ class Network(nn.Module):
         """Writes the weights as the program embeds them."""
 
         def numbers(tensor: Tensor) -> list:
-            return json.loads(json.dumps(tensor.detach().double().tolist()), parse_float=lambda text: float(f"{float(text):.7g}"))
+            return json.loads(
+                json.dumps(tensor.detach().double().tolist()), parse_float=lambda text: float(f"{float(text):.7g}")
+            )
 
         record = {
             "version": VERSION,

@@ -2,10 +2,10 @@
 
 import json
 
-import make_bilateral_fixture
 import pytest
 import torch
 
+import make_bilateral_fixture
 from quietlight_training.bilateral_data import Pool
 from quietlight_training.bilateral_filter import GROUPS, Filter, relative_error, windows
 from quietlight_training.bilateral_network import ARGUMENT, START, Constant, Network, inverse_softplus, softplus
@@ -30,7 +30,9 @@ def random_planes(height: int, width: int, seed: int = 1) -> torch.Tensor:
 def pool_of(planes: torch.Tensor, reference: torch.Tensor, features: torch.Tensor, spp: float = 4.0) -> Pool:
     """Every pixel of an image."""
     height, width = planes.shape[1:]
-    rows, columns = (grid.reshape(-1) for grid in torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij"))
+    rows, columns = (
+        grid.reshape(-1) for grid in torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+    )
     distances, colours = windows(planes, rows, columns, RADIUS)
     weight = torch.full((height * width,), spp, dtype=planes.dtype)
     return Pool(distances, colours, features.reshape(36, -1).t(), reference.reshape(3, -1).t(), weight)
@@ -194,10 +196,12 @@ def test_weights_survive_their_file(tmp_path):
     network = random_network(dtype=torch.float32)
     network.write(tmp_path / "weights.json", [str(index) for index in range(36)], {})
     features = torch.rand(9, 36)
-    torch.testing.assert_close(Network.read(tmp_path / "weights.json")(features), network(features), rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(
+        Network.read(tmp_path / "weights.json")(features), network(features), rtol=1e-5, atol=1e-6
+    )
     record = json.loads((tmp_path / "weights.json").read_text()) | {"version": 9}
     (tmp_path / "weights.json").write_text(json.dumps(record))
-    with pytest.raises(ValueError, match="weights.json: version 9"):
+    with pytest.raises(ValueError, match=r"weights\.json: version 9"):
         Network.read(tmp_path / "weights.json")
 
 
