@@ -41,14 +41,20 @@ impl Interaction {
     /// An unbounded ray in `direction` whose origin is moved off the surface, to the side `direction` points to, by the
     /// rounding-error bound.
     pub fn spawn(&self, direction: Vec3) -> Ray {
-        Ray::new(offset_point(self.position, self.error, self.normal, direction), direction)
+        Ray::new(self.offset_towards(direction), direction)
     }
 
     /// A ray to `target`, where its parameter is 1, from a point moved off the surface as by [`Interaction::spawn`]. It is
     /// aimed from there: a parallel ray would pass beside the target, and meet a round emitter too early at its rim.
     pub fn spawn_to(&self, target: Vec3) -> Ray {
-        let origin = offset_point(self.position, self.error, self.normal, target - self.position);
+        let origin = self.offset_towards(target - self.position);
         Ray::new(origin, target - origin)
+    }
+
+    /// The point moved off the surface, to the side `direction` points to, by the rounding-error bound: where a ray from
+    /// elsewhere may end without meeting the surface.
+    pub fn offset_towards(&self, direction: Vec3) -> Vec3 {
+        offset_point(self.position, self.error, self.normal, direction)
     }
 
     /// At barycentric weights `u`, `v` of the second and third corner of a mesh's triangle.

@@ -1,13 +1,14 @@
 //! Unidirectional path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling.
 
 use super::mis::power_heuristic;
-use super::roulette::survive;
-use crate::bsdf::Bsdf;
+use crate::transport::roulette::survive;
 use crate::emitter::EmitterSample;
 use crate::geometry::{Interaction, Ray};
-use crate::math::{Frame, Rgb};
+use crate::math::Rgb;
 use crate::sampler::Sampler;
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
+use crate::transport::shading::Shading;
+use crate::transport::visibility::{shadow_ray, transmittance};
 use glam::Vec3;
 
 /// How direct light is found. All three have the same mean, which is how they test each other.
@@ -80,10 +81,6 @@ struct Departure {
     pdf: f32,
     is_delta: bool,
 }
-
-/// Shadow rays stop this much short of the emitter, relative to its distance, so that they do not hit it. Rounding of
-/// the direction moves the far end by a few ulps of the distance; a blocker nearer to the emitter than this is missed.
-const SHADOW_MARGIN: f32 = 1e-4;
 
 impl PathTracing {
     /// Follows one camera ray through `scene`.
@@ -280,8 +277,7 @@ impl PathTracing {
             return direct;
         }
         let shadow_ray = if light.distance.is_finite() {
-            let ray = at.spawn_to(at.position + light.direction * light.distance);
-            Ray { t_max: 1.0 - SHADOW_MARGIN, ..ray }
+            shadow_ray(at, at.position + light.direction * light.distance)
         } else {
             at.spawn(light.direction)
         };
@@ -305,58 +301,6 @@ struct DirectLight {
     diffuse: Rgb,
     specular: Rgb,
     visibility: f32,
-}
-
-/// The part of light that masks leave of a shadow ray: 0 behind an opaque surface, 1 when nothing is in the way.
-fn transmittance(scene: &Scene, mut ray: Ray) -> f32 {
-    if !scene.has_masks {
-        return if scene.geometry.occluded(&ray) { 0.0 } else { 1.0 };
-    }
-    let mut transmittance = 1.0;
-    while let Some(hit) = scene.geometry.intersect(&ray) {
-        let at = scene.geometry.interaction(&ray, &hit);
-        let surface = scene.surfaces[at.part as usize];
-        transmittance *= 1.0 - scene.materials[surface.material.0 as usize].opacity(&at);
-        if transmittance <= 0.0 {
-            return 0.0;
-        }
-        let remaining = ray.t_max - hit.t;
-        ray = at.spawn(ray.direction);
-        ray.t_max = remaining;
-    }
-    transmittance
-}
-
-/// A surface point seen from `wo`, ready to scatter.
-struct Shading<'a> {
-    bsdf: Bsdf<'a>,
-    frame: Frame,
-    /// Geometric normal on the side of the frame's normal.
-    normal: Vec3,
-    /// Local direction to where the ray came from.
-    wo: Vec3,
-}
-
-impl<'a> Shading<'a> {
-    fn new(material: &'a Material, at: &Interaction, wo: Vec3) -> Self {
-        let mut frame = material.frame(at);
-        // Some meshes have vertex normals against their winding: the normals decide which side is which.
-        let mut normal = if at.normal.dot(frame.normal) < 0.0 { -at.normal } else { at.normal };
-        let mut local = frame.to_local(wo);
-        if material.two_sided && local.z < 0.0 {
-            frame.normal = -frame.normal;
-            local.z = -local.z;
-            normal = -normal;
-        }
-        Self { bsdf: material.bsdf(at), frame, normal, wo: local }
-    }
-
-    /// Does a direction, given in the local frame and in the world, lie on the same side of the surface by both
-    /// normals? Where an interpolated normal says otherwise light would leak through the surface: such directions
-    /// scatter nothing, whichever way the light goes, so that all integrators agree.
-    fn is_consistent(&self, local: Vec3, world: Vec3) -> bool {
-        local.z * self.normal.dot(world) > 0.0
-    }
 }
 
 /// Follows the walk until every feature is known.
