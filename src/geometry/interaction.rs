@@ -64,13 +64,9 @@ impl Interaction {
         let (ab, ac) = (b - a, c - a);
         let (along, across) = (ab * u, ac * v);
         let position = a + (along + across);
-        // Edge, product and sum round once each, on the way to a last sum; any weights give a point of the plane.
         let size = ab.abs().max_element().max(ac.abs().max_element());
         let (normal, double_area) = face([a, b, c], size);
-        let slenderness = (size * size / double_area).min(MOST_SLENDER);
-        let error = (along.abs() + across.abs()) * gamma(3)
-            + position.abs() * gamma(1)
-            + Vec3::splat(size * gamma(TEST_ROUNDINGS) * (1.0 + slenderness));
+        let error = triangle_error(position, [along, across], size, double_area);
         let interpolated = match mesh.normals.len() == mesh.positions.len() {
             true => {
                 let [na, nb, nc] = indices.map(|index| mesh.normals[index]);
@@ -95,6 +91,22 @@ impl Interaction {
             dp_dv,
         }
     }
+}
+
+/// The error of a point of a triangle, as in [`Interaction::error`]: `steps` lead to it along the edges from a corner, `size`
+/// is the largest coordinate of an edge.
+#[inline]
+pub(crate) fn triangle_error(
+    position: Vec3,
+    [along, across]: [Vec3; 2],
+    size: f32,
+    double_area: f32,
+) -> Vec3 {
+    // Edge, product and sum round once each, on the way to a last sum; any weights give a point of the plane.
+    let slenderness = (size * size / double_area).min(MOST_SLENDER);
+    (along.abs() + across.abs()) * gamma(3)
+        + position.abs() * gamma(1)
+        + Vec3::splat(size * gamma(TEST_ROUNDINGS) * (1.0 + slenderness))
 }
 
 /// The unit normal of a triangle, counter-clockwise seen from its tip, and twice its area.

@@ -206,7 +206,7 @@ impl PathTracing {
             departure = Departure {
                 position: at.position,
                 pdf: scattered.pdf,
-                is_delta: scattered.is_delta,
+                is_delta: scattered.is_delta(),
             };
 
             // Russian roulette.

@@ -4,7 +4,7 @@
 //! so that stratified points stay stratified. Densities over directions are per steradian; directions are unit
 //! vectors around `z`.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec2, Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// A point of the unit disk, uniform in area (Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square":
@@ -20,6 +20,25 @@ pub fn square_to_disk(u: Vec2) -> Vec2 {
         return Vec2::ZERO;
     };
     radius * Vec2::from_angle(angle)
+}
+
+/// The inverse of [`square_to_disk`], in `[0, 1)²`. In double precision, so that the point found again is right to the
+/// rounding of the square's coordinates.
+pub fn disk_to_square(point: DVec2) -> Vec2 {
+    let radius = point.length();
+    // The angle from the nearer axis, as a share of an eighth of the circle, goes along the square's side.
+    let share = |side: f64, main: f64| (side / main).atan() * (4.0 * std::f64::consts::FRAC_1_PI);
+    let square = if point.x.abs() > point.y.abs() {
+        let x = radius.copysign(point.x);
+        DVec2::new(x, x * share(point.y, point.x))
+    } else if point.y != 0.0 {
+        let y = radius.copysign(point.y);
+        DVec2::new(y * share(point.x, point.y), y)
+    } else {
+        DVec2::ZERO
+    };
+    let last = Vec2::splat(1.0 - f32::EPSILON / 2.0);
+    ((square + 1.0) * 0.5).as_vec2().clamp(Vec2::ZERO, last)
 }
 
 /// Density of [`square_to_disk`], per unit of area, inside the disk.

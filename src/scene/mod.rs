@@ -14,7 +14,7 @@ pub mod ply;
 mod requirements;
 mod xml;
 
-pub use camera::{Camera, CameraError, FovAxis, Perspective};
+pub use camera::{Camera, CameraError, FovAxis, LensHit, LensView, Perspective};
 pub use change::Changes;
 pub use error::{Location, SceneError};
 pub use material::{Material, MaterialId};
@@ -51,6 +51,15 @@ pub struct FilmSettings {
     pub height: u32,
     /// First column, first row, columns and rows to render.
     pub crop: [u32; 4],
+}
+
+impl FilmSettings {
+    /// Density of a raster point that is uniform in the crop window, where the whole film has the measure 1: the pixels of
+    /// the film over those of the crop.
+    pub fn crop_pdf(&self) -> f64 {
+        let [_, _, columns, rows] = self.crop.map(f64::from);
+        f64::from(self.width) * f64::from(self.height) / (columns * rows)
+    }
 }
 
 /// How long paths may be.
