@@ -1,6 +1,7 @@
 //! Laws of the whole system, in one binary: one link, and one place for what they share.
 
 mod analytic;
+mod bidirectional;
 mod buffers;
 mod cli;
 mod dataset;

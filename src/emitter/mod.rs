@@ -209,6 +209,11 @@ impl Emitters {
         self.selection.as_ref().map_or(0.0, |selection| selection.pmf(id.0 as usize))
     }
 
+    /// The sphere that light from infinity falls on: around the scene and the camera.
+    pub fn target(&self) -> BoundingSphere {
+        self.target
+    }
+
     /// Is there nothing to sample?
     pub fn is_dark(&self) -> bool {
         self.selection.is_none()

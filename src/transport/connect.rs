@@ -58,7 +58,7 @@ impl Edge {
         let span = to - from;
         let distance2 = span.as_dvec3().length_squared();
         // Nearer than 1e-10 of the scene's radius, 1 / d² is noise (METHODS 14).
-        let nearest = 1e-10 * f64::from(scene.emitters.radius());
+        let nearest = 1e-10 * f64::from(scene.emitters.target().radius);
         (distance2 > nearest * nearest && distance2.is_finite())
             .then(|| Self { direction: (span.as_dvec3() / distance2.sqrt()).as_vec3(), distance2 })
     }

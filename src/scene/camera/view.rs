@@ -47,6 +47,11 @@ impl Camera {
         if cosine > 0.0 { 1.0 / (self.film_area * cosine.powi(3)) } else { 0.0 }
     }
 
+    /// Cosine of the angle between the unit vector `direction` and the optical axis.
+    pub fn cosine(&self, direction: Vec3) -> f64 {
+        self.optical_axis().dot(direction.as_dvec3())
+    }
+
     /// Density of the points of the lens per unit of area, which are uniform; 1, and discrete, for a pinhole.
     pub fn lens_pdf(&self) -> f64 {
         self.lens.map_or(1.0, |lens| 1.0 / (PI * lens.radius * lens.radius))
