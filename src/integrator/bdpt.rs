@@ -40,6 +40,19 @@ impl Bdpt {
         workspace: &mut Workspace<'s>,
         found: &mut Vec<Contribution>,
     ) {
+        let max_depth = scene.limits.max_depth.unwrap_or(u32::MAX);
+        self.walk(scene, raster, lens, sampler, workspace).connect(max_depth, found);
+    }
+
+    /// The two walks of a sample, not yet connected.
+    pub fn walk<'a, 's, S: Sampler>(
+        &self,
+        scene: &'s Scene,
+        raster: Vec2,
+        lens: Vec2,
+        sampler: &mut S,
+        workspace: &'a mut Workspace<'s>,
+    ) -> Pair<'a, 's> {
         let Workspace { eye, light } = workspace;
         let max_depth = scene.limits.max_depth.unwrap_or(u32::MAX);
         let walker = Walker {
@@ -51,9 +64,8 @@ impl Bdpt {
         walker.from_lens(eye, raster, lens, sampler);
         // A path of most edges may end on the lens: the last surface then still has to scatter.
         let to_lens = u32::from(scene.camera.aperture_radius() > 0.0);
-        let start = Walker { max_steps: max_depth.saturating_sub(1).saturating_add(to_lens), ..walker }
-            .from_light(light, sampler);
-        let pair = Pair { scene, heuristic: self.heuristic, eye, raster, lens, light, start };
-        pair.connect(max_depth, found);
+        let max_steps = max_depth.saturating_sub(1).saturating_add(to_lens);
+        let start = Walker { max_steps, ..walker }.from_light(light, sampler);
+        Pair { scene, heuristic: self.heuristic, eye, raster, lens, light, start }
     }
 }

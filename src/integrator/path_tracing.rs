@@ -1,12 +1,12 @@
 //! Unidirectional path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling.
 
 use super::mis::power_heuristic;
-use crate::transport::roulette::survive;
 use crate::emitter::EmitterSample;
 use crate::geometry::{Interaction, Ray};
 use crate::math::Rgb;
 use crate::sampler::Sampler;
 use crate::scene::Scene;
+use crate::transport::roulette::survive;
 use crate::transport::shading::Shading;
 use crate::transport::visibility::{shadow_ray, transmittance};
 use glam::Vec3;

@@ -1,7 +1,8 @@
 //! Every way of joining a walk from an emitter with one from the lens.
 
 use super::mis::{Heuristic, others, weight};
-use super::vertex::LightVertex;
+use super::path::{Event, Path};
+use super::vertex::{LightVertex, Vertex};
 use super::visibility::{connecting_ray, shadow_ray, transmittance};
 use super::walk::{Subpath, colour};
 use crate::emitter::LightPoint;
@@ -64,7 +65,7 @@ impl Edge {
     }
 }
 
-impl Pair<'_, '_> {
+impl<'s> Pair<'_, 's> {
     /// Adds to `found` what all strategies found, in a fixed order; paths have at most `max_depth` edges.
     pub fn connect(&self, max_depth: u32, found: &mut Vec<Contribution>) {
         let (eye, light) = (self.eye.steps.len(), self.light.steps.len());
@@ -91,6 +92,55 @@ impl Pair<'_, '_> {
                 found.extend(self.through_lens(y));
             }
         }
+    }
+
+    /// The whole path of `s` light and `t` eye vertices, as a contribution names them, of `t ≥ 1`; `None` where the walks have
+    /// no such path, or one without light.
+    pub fn path(&self, s: u32, t: u32) -> Option<Path<'s>> {
+        let (s, t) = (s as usize, t as usize);
+        let (mut vertices, mut events) = (Vec::with_capacity(s + t), Vec::with_capacity(s + t));
+        if s > 0 {
+            vertices.push(Vertex::Light(self.start?));
+            events.push(Event::Smooth);
+            for step in self.light.steps.get(..s - 1)? {
+                vertices.push(Vertex::Surface(step.surface.clone()));
+                events.push(step.event);
+            }
+            // Connected here, whatever the walk went on to do.
+            events[s - 1] = Event::Smooth;
+        }
+        let emitters = &self.scene.emitters;
+        for index in (0..t.checked_sub(1)?).rev() {
+            let is_last = index + 2 == t;
+            let vertex = match self.eye.steps.get(index) {
+                Some(step) if is_last && s == 0 => {
+                    let id = step.surface.emitter?;
+                    let point = emitters.surface_point(id, &step.surface.at);
+                    Vertex::Light(LightVertex { id, point })
+                }
+                Some(step) => Vertex::Surface(step.surface.clone()),
+                None => {
+                    let direction = self.eye.escape?.direction;
+                    let point = LightPoint::Infinite { direction, is_delta: false };
+                    Vertex::Light(LightVertex { id: emitters.environment_id()?, point })
+                }
+            };
+            vertices.push(vertex);
+            events.push(match self.eye.steps.get(index) {
+                Some(step) if !is_last => step.event,
+                _ => Event::Smooth,
+            });
+        }
+        let (raster, lens) = if t == 1 {
+            let Vertex::Surface(surface) = vertices.last()? else { return None };
+            (self.scene.camera.view(surface.at.position, self.lens)?.raster, self.lens)
+        } else {
+            (self.raster, self.lens)
+        };
+        let position = self.scene.camera.lens_point(lens);
+        vertices.push(Vertex::Lens { raster, lens, position });
+        events.push(Event::Smooth);
+        Path::new(self.scene, vertices, events)
     }
 
     fn contribution(
@@ -202,10 +252,9 @@ impl Pair<'_, '_> {
         let scattered = surface.shading.bsdf.eval(wo, wi);
         let emitted = colour(emitters.emitted(id, &point, -direction));
         let light = emitted * (geometry / self.light.nodes[0].pdf);
-        let parts = self.eye.split(
-            z,
-            [colour(scattered.diffuse) * light, colour(scattered.specular) * light],
-        );
+        let parts = self
+            .eye
+            .split(z, [colour(scattered.diffuse) * light, colour(scattered.specular) * light]);
         if is_dark(parts) {
             return None;
         }
@@ -258,10 +307,9 @@ impl Pair<'_, '_> {
         let light = from.throughput
             * colour(scattered_y.diffuse + scattered_y.specular)
             * (cosine_y / (from.surface.cosine(from.previous) * edge.distance2));
-        let parts = self.eye.split(
-            z,
-            [colour(scattered_z.diffuse) * light, colour(scattered_z.specular) * light],
-        );
+        let parts = self
+            .eye
+            .split(z, [colour(scattered_z.diffuse) * light, colour(scattered_z.specular) * light]);
         if is_dark(parts) {
             return None;
         }
@@ -301,8 +349,8 @@ impl Pair<'_, '_> {
         let distance2 = f64::from(view.distance).powi(2);
         let cosine = surface.cosine(view.direction);
         let raster_pdf = camera.raster_pdf(view.direction);
-        let light = step.throughput
-            * (cosine * raster_pdf / (surface.cosine(step.previous) * distance2));
+        let light =
+            step.throughput * (cosine * raster_pdf / (surface.cosine(step.previous) * distance2));
         let parts = [colour(scattered.diffuse) * light, colour(scattered.specular) * light];
         if is_dark(parts) {
             return None;

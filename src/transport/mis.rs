@@ -88,11 +88,8 @@ fn ratio(numerator: f64, denominator: f64) -> f64 {
 pub fn close(nodes: &mut [Node], pdf: f64, heuristic: Heuristic) {
     let last = nodes.len() - 1;
     let previous = last - 1;
-    let found = if nodes[last].is_delta {
-        pdf
-    } else {
-        nodes[last].density_of(&nodes[previous], pdf)
-    };
+    let found =
+        if nodes[last].is_delta { pdf } else { nodes[last].density_of(&nodes[previous], pdf) };
     let beyond = if previous == 0 { 0.0 } else { nodes[previous - 1].tail };
     let factor = heuristic.raise(ratio(found, nodes[previous].chosen_pdf()));
     nodes[previous].tail = product(factor, exists(nodes, previous) + beyond);
@@ -139,7 +136,13 @@ mod tests {
     /// 0.109091.
     #[test]
     fn ratios_give_the_weights_of_the_worked_example() {
-        let node = |pdf, is_hittable| Node { pdf, to_previous: 1.0, cosine: 1.0, is_hittable, ..Node::default() };
+        let node = |pdf, is_hittable| Node {
+            pdf,
+            to_previous: 1.0,
+            cosine: 1.0,
+            is_hittable,
+            ..Node::default()
+        };
         let expected = [0.636_364, 0.254_545, 0.109_091];
         // s = 0: the eye's walk found all three vertices, x_2 first; the light finds x_0 with 2 and x_1 with 3.
         let mut eye = vec![node(1.0, false), node(7.0, false)];
@@ -164,7 +167,13 @@ mod tests {
 
     #[test]
     fn densities_without_bound_leave_the_path_to_another_strategy() {
-        let node = Node { pdf: 1e-300, to_previous: 1.0, cosine: 1.0, is_hittable: true, ..Node::default() };
+        let node = Node {
+            pdf: 1e-300,
+            to_previous: 1.0,
+            cosine: 1.0,
+            is_hittable: true,
+            ..Node::default()
+        };
         assert_eq!(weight(others(&[node], 1e300, 0.0, Heuristic::Power), 0.0), 0.0);
         // Nobody finds it: no such strategy.
         let none = Node { pdf: 0.0, ..node };

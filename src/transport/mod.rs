@@ -7,6 +7,7 @@
 
 pub mod connect;
 pub mod mis;
+pub mod path;
 pub mod roulette;
 pub mod shading;
 pub mod vertex;
@@ -14,6 +15,7 @@ pub mod visibility;
 pub mod walk;
 
 pub use connect::Contribution;
+pub use path::{Event, Path};
 pub use shading::Shading;
 pub use vertex::{LightVertex, Side, Surface, Vertex};
 pub use walk::{Subpath, Walker};

@@ -165,8 +165,8 @@ impl<'s> Surface<'s> {
         let (wo, wi) = (self.local(eye)?, self.local(light)?);
         let forward = self.shading.bsdf.delta(wo, lobe)?;
         let backward = self.shading.bsdf.delta(wi, lobe)?;
-        let cosines = f64::from(wi.z.abs()) * self.cosine(eye)
-            / (self.cosine(light) * f64::from(wo.z.abs()));
+        let cosines =
+            f64::from(wi.z.abs()) * self.cosine(eye) / (self.cosine(light) * f64::from(wo.z.abs()));
         Some(DeltaScattering {
             reflectance: forward.reflectance,
             light_over_eye: f64::from(forward.eta).powi(2) * cosines,

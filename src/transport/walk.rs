@@ -1,11 +1,12 @@
 //! Random walks from the lens and from the emitters.
 
 use super::mis::{Heuristic, Node, close};
+use super::path::Event;
+use super::roulette::survive;
 use super::vertex::{LightVertex, Side, Surface};
 use super::visibility::transmittance;
 use crate::emitter::LightPoint;
 use crate::geometry::Ray;
-use super::roulette::survive;
 use crate::math::Rgb;
 use crate::sampler::Sampler;
 use crate::scene::{LensView, Scene};
@@ -23,6 +24,8 @@ pub struct Step<'s> {
     pub surface: Surface<'s>,
     /// Unit vector to the vertex before.
     pub previous: Vec3,
+    /// What the walk chose to happen here; smooth where it ended.
+    pub event: Event,
     /// Product of all weights up to here, this vertex's own scattering not included; of a walk from the eye without the first
     /// scattering, which [`Subpath::first`] keeps.
     pub throughput: DVec3,
@@ -154,7 +157,12 @@ impl<'s> Walker<'s> {
         let u_direction = sampler.next_2d();
         path.begin(Node::default());
         let (id, point, pdf) = emitters.sample_point(selection, u_point)?;
-        path.begin(Node { pdf, is_hittable: !emitters.is_delta(id), cosine: 1.0, ..Node::default() });
+        path.begin(Node {
+            pdf,
+            is_hittable: !emitters.is_delta(id),
+            cosine: 1.0,
+            ..Node::default()
+        });
         let vertex = LightVertex { id, point };
         let Some((ray, pdf_emission)) = emitters.sample_emission(id, &point, u_direction) else {
             return Some(vertex);
@@ -214,15 +222,19 @@ impl<'s> Walker<'s> {
             let u_lobe = sampler.next_1d();
             let u_roulette = sampler.next_1d();
             let is_open = surface.local(previous).is_some();
-            path.steps.push(Step { surface, previous, throughput });
+            path.steps.push(Step { surface, previous, event: Event::Smooth, throughput });
             if !is_open || step + 1 == self.max_steps {
                 return;
             }
             let surface = &path.steps[step as usize].surface;
-            let Some(leaving) = Leaving::choose(surface, side, previous, u_lobe, u_bsdf) else { return };
+            let Some(leaving) = Leaving::choose(surface, side, previous, u_lobe, u_bsdf) else {
+                return;
+            };
             let last = path.nodes.len() - 1;
-            path.nodes[last].is_delta = leaving.is_delta;
+            path.nodes[last].is_delta = leaving.event.is_delta();
             close(&mut path.nodes, leaving.pdf_back, self.heuristic);
+            path.steps[step as usize].event = leaving.event;
+            let surface = &path.steps[step as usize].surface;
             let weight = leaving.weight[0] + leaving.weight[1];
             if side == Side::Eye && step == 0 {
                 path.first = leaving.weight;
@@ -244,7 +256,7 @@ impl<'s> Walker<'s> {
             departure = Departure {
                 ray: surface.at.spawn(leaving.direction),
                 pdf: leaving.pdf,
-                is_delta: leaving.is_delta,
+                is_delta: leaving.event.is_delta(),
                 is_parallel: false,
                 cosine: surface.cosine(leaving.direction),
                 origin: surface.at.position,
@@ -271,10 +283,7 @@ impl<'s> Walker<'s> {
     ) -> Option<Crossing> {
         let camera = &self.scene.camera;
         let found = camera.lens_hit(&departure.ray)?;
-        let ray = Ray {
-            t_max: departure.ray.origin.distance(found.view.start),
-            ..departure.ray
-        };
+        let ray = Ray { t_max: departure.ray.origin.distance(found.view.start), ..departure.ray };
         let visible = f64::from(transmittance(self.scene, ray));
         (visible > 0.0).then(|| Crossing {
             step,
@@ -307,7 +316,7 @@ impl Departure {
 /// A direction chosen at a surface.
 pub(crate) struct Leaving {
     pub(crate) direction: Vec3,
-    pub(crate) is_delta: bool,
+    pub(crate) event: Event,
     /// Density of the direction per solid angle, or the probability of the lobe.
     pub(crate) pdf: f64,
     /// The same for the direction to where the walk came from, for a walk that comes from the new direction.
@@ -347,7 +356,7 @@ impl Leaving {
             };
             return Some(Self {
                 direction,
-                is_delta: true,
+                event: Event::Delta(lobe),
                 pdf,
                 pdf_back: f64::from(back.probability),
                 weight: [
@@ -368,7 +377,7 @@ impl Leaving {
         };
         Some(Self {
             direction,
-            is_delta: false,
+            event: Event::Smooth,
             pdf,
             pdf_back: f64::from(back.pdf),
             weight,
