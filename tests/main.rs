@@ -4,6 +4,7 @@ mod analytic;
 mod buffers;
 mod cli;
 mod dataset;
+mod delta;
 mod determinism;
 mod emission;
 mod equal_energy;
