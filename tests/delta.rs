@@ -89,7 +89,7 @@ fn a_delta_lobe_is_what_sampling_gives() {
             }
         }
         let has_delta = !["rough", "base alone"].contains(&name);
-        assert_eq!(compared > 1000, has_delta, "{name}: {compared}");
+        assert_eq!(compared > 200, has_delta, "{name}: {compared}");
     }
 }
 
@@ -124,6 +124,7 @@ fn delta_lobes_are_chosen_with_their_probability() {
 
 #[test]
 fn all_lobes_together_have_probability_one() {
+    let mut random = Random::new(24);
     let grid = SphereGrid::uniform(Vec3::Z, 24, 48);
     for (name, bsdf) in models() {
         for cos in [1.0f32, 0.8, 0.3, -0.3, -0.8] {
@@ -131,26 +132,16 @@ fn all_lobes_together_have_probability_one() {
             let delta: f64 =
                 lobes(&bsdf, wo).iter().map(|(_, delta)| f64::from(delta.probability)).sum();
             let smooth: f64 = grid.integrate(|wi| f64::from(bsdf.pdf(wo, wi))).iter().sum();
-            let total = delta + smooth;
-            // Opaque models are black from below; a facet may send light to the wrong side, where it is lost.
-            let expected = match name {
-                "gold" | "plastic" | "coat alone" | "base alone" | "diffuse and mirror"
-                    if cos < 0.0 =>
-                {
-                    0.0
-                }
-                "mirror and glass" if cos < 0.0 => 0.3,
-                "sheet and plastic" if cos < 0.0 => 0.6,
-                _ => 1.0,
-            };
-            let lost = match name {
-                "rough" => 0.1,
-                "nested" => 0.1 * 0.4 * 0.75,
-                _ => 0.0,
-            };
+            // The rest is absorbed: opaque models are black from below, and facets send light to the wrong side.
+            const DRAWS: u32 = 20_000;
+            let mut draw = || bsdf.sample(wo, random.next_f32(), random.next_vec2());
+            let absorbed = (0..DRAWS).filter(|_| draw().is_none()).count();
+            let absorbed = absorbed as f64 / f64::from(DRAWS);
+            // Five standard deviations of a share, and the quadrature.
+            let bound = 5.0 * (absorbed * (1.0 - absorbed) / f64::from(DRAWS)).sqrt() + 1e-4;
             assert!(
-                total < expected + 1e-4 && total > expected - lost - 1e-4,
-                "{name} {cos}: {delta} and {smooth}"
+                (delta + smooth + absorbed - 1.0).abs() < bound,
+                "{name} {cos}: {delta}, {smooth}, {absorbed}"
             );
         }
     }
