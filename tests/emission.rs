@@ -3,6 +3,7 @@
 mod analytic;
 mod density;
 mod extremes;
+mod walks;
 
 use glam::{Vec2, Vec3};
 use quietlight::emitter::{BoundingSphere, Emitter, EmitterId, Emitters};

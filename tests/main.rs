@@ -5,6 +5,7 @@ mod bidirectional;
 mod buffers;
 mod cli;
 mod dataset;
+mod delta;
 mod determinism;
 mod emission;
 mod equal_energy;

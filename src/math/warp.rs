@@ -237,6 +237,21 @@ mod tests {
     }
 
     #[test]
+    fn the_way_back_from_the_disk_is_exact() {
+        for i in 0..100_000u32 {
+            let u = Vec2::new((i % 317) as f32 / 317.0, (i / 317) as f32 / 317.0);
+            let back = disk_to_square(square_to_disk(u).as_dvec2());
+            // A disk point is rounded by 1e-7; the corners of the square are stretched least.
+            assert!((back - u).length() < 4e-7, "{u} {back}");
+        }
+        for point in [DVec2::ZERO, DVec2::X, -DVec2::X, DVec2::Y, -DVec2::Y] {
+            let u = disk_to_square(point);
+            assert!(u.cmpge(Vec2::ZERO).all() && u.cmplt(Vec2::ONE).all(), "{point} {u}");
+            assert!((square_to_disk(u).as_dvec2() - point).length() < 1e-6, "{point} {u}");
+        }
+    }
+
+    #[test]
     fn a_narrow_cone_keeps_its_width() {
         // sin = 1e-6: the cosine rounds to 1 in single precision, and 1 - cos is 5e-13.
         let cap = one_minus_cosine(1e-12);

@@ -181,6 +181,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_point_of_the_crop_is_as_dense_as_the_crop_is_small() {
+        let film = FilmSettings { width: 64, height: 48, crop: [10, 20, 16, 6] };
+        assert_eq!(film.crop_pdf(), 32.0);
+        assert_eq!(FilmSettings { crop: [0, 0, 64, 48], ..film }.crop_pdf(), 1.0);
+    }
+
+    #[test]
     fn our_own_scenes_load_without_warnings() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
         let mut count = 0;

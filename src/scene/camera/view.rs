@@ -69,10 +69,7 @@ impl Camera {
     /// distance is infinite.
     pub fn lens_hit_from_infinity(&self, ray: &Ray) -> Option<LensHit> {
         let (position, lens) = self.aperture_hit(ray)?;
-        // On the same line, at the depth where every point is between the planes.
-        let away = -self.to_camera(ray.direction.as_dvec3());
-        let depth = 0.5 * (self.near_clip + self.far_clip);
-        let view = self.view_from(position, position + away * (depth / away.z))?;
+        let view = self.look(position, -self.to_camera(ray.direction.as_dvec3()))?;
         let view = LensView { distance: f32::INFINITY, ..view };
         Some(LensHit { position: self.point_in_world(position), lens, view })
     }
@@ -95,7 +92,11 @@ impl Camera {
         if !(point.z > self.near_clip && point.z < self.far_clip) {
             return None;
         }
-        let to_point = point - from;
+        self.look(from, point - from)
+    }
+
+    /// What `from`, on the aperture, sees at the tip of the vector `to_point`, which points to the front.
+    fn look(&self, from: DVec3, to_point: DVec3) -> Option<LensView> {
         let film = match self.lens {
             None => to_point,
             Some(Lens { focus_distance, .. }) => from + to_point * (focus_distance / to_point.z),
@@ -125,3 +126,6 @@ impl Camera {
 fn last_before(film: DVec2) -> Vec2 {
     film.as_vec2().map(f32::next_down)
 }
+
+#[cfg(test)]
+mod tests;
