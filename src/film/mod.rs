@@ -1,9 +1,14 @@
-//! Sums of samples per pixel, in two independent halves, and the layers that come out of them.
+//! Sums per pixel, in two independent halves, and the layers that come out of them: of samples, each of which belongs to a
+//! pixel ([`Film`]), and of splats, which fall where they like ([`SplatFilm`]).
 
+mod splat;
+#[cfg(test)]
+mod splat_tests;
 #[cfg(test)]
 mod tests;
 mod tile;
 
+pub use splat::{Radiance, Scale, SplatFilm};
 pub use tile::{Tile, tiles};
 
 use crate::integrator::PathSample;
