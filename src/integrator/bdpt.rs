@@ -27,10 +27,8 @@ pub struct Workspace<'s> {
 
 impl Bdpt {
     /// One sample: a walk from the lens through `raster` (pixels of the whole film; `lens` chooses the point of the
-    /// aperture), one from an emitter, and everything that joins them, appended to `found` in a fixed order.
-    ///
-    /// Contributions of two or more eye vertices belong to the pixel sampled, the others to the pixel at their own raster
-    /// position. With `n` samples a pixel of a whole film the picture is the sum of all `weight × colour`, divided by `n`.
+    /// aperture), one from an emitter, and everything that joins them, appended to `found` in a fixed order. Only those of
+    /// two or more eye vertices belong to the pixel sampled.
     pub fn trace<'s, S: Sampler>(
         &self,
         scene: &'s Scene,
@@ -62,6 +60,7 @@ impl Bdpt {
             heuristic: self.heuristic,
         };
         walker.from_lens(eye, raster, lens, sampler);
+        sampler.begin_walk(1);
         // A path of most edges may end on the lens: the last surface then still has to scatter.
         let to_lens = u32::from(scene.camera.aperture_radius() > 0.0);
         let max_steps = max_depth.saturating_sub(1).saturating_add(to_lens);

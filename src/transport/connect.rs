@@ -12,6 +12,9 @@ use crate::scene::Scene;
 use glam::{DVec3, Vec2, Vec3};
 
 /// What one path of `s` vertices from the light and `t` from the eye adds.
+///
+/// In units of the picture: with `n` samples for each pixel of the crop window, a pixel is the sum of `weight × colour` of all
+/// contributions that fall on it, divided by `n`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contribution {
     /// Where on the whole film, in pixels.
@@ -141,6 +144,11 @@ impl<'s> Pair<'_, 's> {
         vertices.push(Vertex::Lens { raster, lens, position });
         events.push(Event::Smooth);
         Path::new(self.scene, vertices, events)
+    }
+
+    /// Density of raster points, uniform over the crop window, of rays in that direction, per steradian.
+    fn raster_pdf(&self, direction: Vec3) -> f64 {
+        self.scene.camera.raster_pdf(direction) * self.scene.film.crop_pdf()
     }
 
     fn contribution(
@@ -364,7 +372,7 @@ impl<'s> Pair<'_, 's> {
         let weight = weight(
             others(
                 &self.light.nodes[..y + 2],
-                self.scene.film.crop_pdf() * raster_pdf * cosine / distance2,
+                raster_pdf * cosine / distance2,
                 f64::from(scattered.pdf),
                 self.heuristic,
             ),
@@ -383,20 +391,12 @@ impl<'s> Pair<'_, 's> {
         let crossing = self.light.crossings.iter().find(|crossing| crossing.step == y)?;
         let camera = &self.scene.camera;
         let view = &crossing.view;
-        let raster_pdf = camera.raster_pdf(view.direction);
+        let raster_pdf = self.raster_pdf(view.direction);
         let importance = camera.lens_pdf() * raster_pdf / camera.cosine(view.direction);
         let parts = crossing.throughput.map(|part| part * importance);
         let mut nodes = self.light.nodes[..y + 2].to_vec();
         nodes.push(crossing.node);
-        let weight = weight(
-            others(
-                &nodes,
-                camera.lens_pdf(),
-                self.scene.film.crop_pdf() * raster_pdf,
-                self.heuristic,
-            ),
-            0.0,
-        );
+        let weight = weight(others(&nodes, camera.lens_pdf(), raster_pdf, self.heuristic), 0.0);
         self.contribution(view.raster, [y + 3, 0], parts, weight)
     }
 }

@@ -85,9 +85,8 @@ struct Factors {
 struct Ends {
     point_pdf: f64,
     emission_pdf: f64,
-    /// `|dρ/dω|`
+    /// Density of raster points uniform over the crop window, per steradian of the lens's ray.
     raster_pdf: f64,
-    crop_pdf: f64,
     lens_pdf: f64,
     is_emitter_hittable: bool,
     is_lens_hittable: bool,
@@ -160,7 +159,7 @@ impl<'s> Path<'s> {
     }
 
     /// `ln (G T)` of the edge from `x_i` to `x_{i+1}`; where that is the lens, with the importance of the direction, per unit of
-    /// the lens's density: `|cos_{k-1}| / d² · |dρ/dω|`.
+    /// the lens's density: `|cos_{k-1}| / d² · |dρ/dω|`, where `ρ` is 1 over the crop window.
     pub fn ln_connection(&self, i: usize) -> f64 {
         let edge = &self.edges[i];
         let transfer = edge.geometry() * edge.transmittance;
@@ -194,8 +193,8 @@ impl<'s> Path<'s> {
     /// The same of the eye's walk.
     pub fn ln_found_from_eye(&self, i: usize) -> f64 {
         match self.k() - i {
-            0 => 0.0,
-            1 => -self.ends.crop_pdf.ln(),
+            // The importance of a ray is the density of its raster point.
+            0 | 1 => 0.0,
             _ => (self.scatterings[i + 1].eye / self.scatterings[i + 1].pdf_light).ln(),
         }
     }
@@ -210,7 +209,7 @@ impl<'s> Path<'s> {
         self.ends.is_emitter_hittable
     }
 
-    /// `ln` of the luminance of `f / p` for `s` vertices from the light, `0 ≤ s ≤ k`: −∞ where that strategy cannot find the
+    /// `ln` of the luminance of `f / p` in picture units (see [`super::Contribution`]) for `s` vertices from the light, `0 ≤ s ≤ k`: −∞ where that strategy cannot find the
     /// path.
     pub fn ln_contribution(&self, s: usize) -> f64 {
         let exists = match s {
@@ -277,11 +276,8 @@ impl<'s> Path<'s> {
         eye.push(self.ends.lens_pdf);
         for i in 0..k {
             let edge = &self.edges[i];
-            let pdf = if i + 1 == k {
-                self.ends.raster_pdf * self.ends.crop_pdf
-            } else {
-                self.scatterings[i + 1].pdf_light
-            };
+            let pdf =
+                if i + 1 == k { self.ends.raster_pdf } else { self.scatterings[i + 1].pdf_light };
             eye[i] = match (self.events[i + 1], self.events[i]) {
                 (Event::Delta(_), _) => pdf,
                 (_, Event::Delta(_)) => pdf / edge.cosine_eye,
@@ -304,8 +300,7 @@ impl<'s> Path<'s> {
         self.ends = Ends {
             point_pdf: emitters.point_pdf(*id, point),
             emission_pdf: emitters.emission_pdf(*id, point, first),
-            raster_pdf: scene.camera.raster_pdf(towards_scene),
-            crop_pdf: scene.film.crop_pdf(),
+            raster_pdf: scene.camera.raster_pdf(towards_scene) * scene.film.crop_pdf(),
             lens_pdf: scene.camera.lens_pdf(),
             is_emitter_hittable: !emitters.is_delta(*id),
             is_lens_hittable: scene.camera.aperture_radius() > 0.0,

@@ -86,8 +86,7 @@ pub(crate) fn bdpt_batches(
     estimate: impl Fn(&Contribution) -> Option<(usize, f64)> + Sync,
 ) -> Batches {
     let [left, top, width, height] = scene.film.crop;
-    // With a crop window fewer walks go out than the whole film would have had.
-    let scale = scene.film.crop_pdf() / f64::from(samples);
+    let scale = 1.0 / f64::from(samples);
     Batches::run(scene, batches, |batch, add| {
         let mut workspace = Workspace::default();
         let mut found = Vec::new();
