@@ -279,6 +279,8 @@ pub(super) enum Integrator {
     Auto,
     /// Path tracing: walks from the camera
     Path,
+    /// Metropolis sampling in primary sample space (Kelemen et al.)
+    Pssmlt,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

@@ -3,12 +3,16 @@
 //! Each is a small struct of documented settings, with the algorithm for one sample or one mutation as its methods. How
 //! many of them, on which threads, is for [`crate::render`] to say.
 
+mod markov;
 pub mod mis;
 pub mod path_tracing;
+pub mod pssmlt;
 pub mod roulette;
 mod splat;
 
+pub use markov::MarkovChains;
 pub use path_tracing::{PathSample, PathTracing, Strategy, Vertex};
+pub use pssmlt::{PrimaryPaths, Pssmlt};
 pub use splat::Splat;
 
 /// How light is found. All methods have the same mean, where they can find the light at all.
@@ -16,6 +20,8 @@ pub use splat::Splat;
 pub enum Integrator {
     /// Walks from the camera.
     Path(PathTracing),
+    /// Metropolis sampling of the random numbers of another method.
+    Pssmlt(Pssmlt),
 }
 
 impl Default for Integrator {
@@ -29,6 +35,7 @@ impl Integrator {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Path(_) => "path",
+            Self::Pssmlt(_) => "pssmlt",
         }
     }
 
@@ -36,6 +43,7 @@ impl Integrator {
     pub fn settings(&self) -> String {
         match self {
             Self::Path(settings) => format!("{settings:?}"),
+            Self::Pssmlt(settings) => format!("{settings:?}"),
         }
     }
 
@@ -48,6 +56,7 @@ impl Integrator {
     pub fn path_tracing(&self) -> PathTracing {
         match self {
             Self::Path(settings) => *settings,
+            Self::Pssmlt(_) => PathTracing::default(),
         }
     }
 }

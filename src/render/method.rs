@@ -1,7 +1,8 @@
 //! What every method but path tracing must offer to be run.
 
+use super::RenderSettings;
+use super::chains::Chains;
 use crate::integrator::Integrator;
-use crate::render::RenderSettings;
 use crate::scene::Scene;
 use quietlight_denoise::Layers;
 use std::fmt::Debug;
@@ -36,17 +37,18 @@ pub(super) trait Method: Debug {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
     /// Names and values for the metadata of the file, such as `normalisation`: `0.31 ± 0.02`.
-    pub facts: Vec<(&'static str, String)>,
+    pub facts: Vec<(String, String)>,
     /// What the user should know before trusting the picture.
     pub warnings: Vec<String>,
 }
 
 /// Starts the method of the settings; `None` for path tracing, whose radiance comes with the features.
 pub(super) fn start<'a>(
-    _scene: &'a Scene,
+    scene: &'a Scene,
     settings: &RenderSettings,
 ) -> Option<Box<dyn Method + 'a>> {
     match settings.integrator {
         Integrator::Path(_) => None,
+        Integrator::Pssmlt(method) => Some(Box::new(Chains::new(scene, method, settings))),
     }
 }

@@ -1,7 +1,9 @@
 //! Who runs where: passes over tiles, rounds of chains, threads, budgets of samples or time, progress.
 
+mod chains;
 mod method;
 mod sampled;
+mod units;
 
 pub use method::Report;
 pub use sampled::replay;
