@@ -10,6 +10,7 @@ mod determinism;
 mod emission;
 mod equal_energy;
 mod extremes;
+mod markov;
 mod rays;
 mod sampling;
 mod scene;

@@ -281,6 +281,8 @@ pub(super) enum Integrator {
     Path,
     /// Bidirectional path tracing: walks from the camera and from emitters, joined in every way
     Bdpt,
+    /// Metropolis sampling in primary sample space (Kelemen et al.)
+    Pssmlt,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

@@ -4,7 +4,7 @@ use super::args::{self, Render, Sampler, SceneArguments, Strategy};
 use super::denoising::{Denoised, Denoising};
 use super::progress::{Progress, human};
 use super::{BadInput, Failure, replay};
-use crate::integrator::{Bdpt, Integrator, PathTracing};
+use crate::integrator::{Bdpt, Integrator, PathTracing, PrimaryPaths, Pssmlt};
 use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
@@ -144,6 +144,10 @@ fn integrator(arguments: &Render) -> Integrator {
     match arguments.integrator {
         args::Integrator::Auto | args::Integrator::Path => PathTracing { strategy }.into(),
         args::Integrator::Bdpt => Integrator::Bdpt(Bdpt::default()),
+        args::Integrator::Pssmlt => Integrator::Pssmlt(Pssmlt {
+            paths: PrimaryPaths::Camera(PathTracing { strategy }),
+            ..Pssmlt::default()
+        }),
     }
 }
 
@@ -228,9 +232,8 @@ fn describe(
         ("threads", threads.to_string()),
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
     ];
-    let found = rendered.report.facts.iter().cloned();
-    let facts = facts.into_iter().chain(found).map(|(name, value)| (name.to_owned(), value));
-    rendered.layers.metadata.extend(facts);
+    rendered.layers.metadata.extend(facts.map(|(name, value)| (name.to_owned(), value)));
+    rendered.layers.metadata.extend(rendered.report.facts.iter().cloned());
 }
 
 /// What the last line tells.

@@ -4,12 +4,16 @@
 //! many of them, on which threads, is for [`crate::render`] to say.
 
 pub mod bdpt;
+mod markov;
 pub mod mis;
 pub mod path_tracing;
+pub mod pssmlt;
 mod splat;
 
 pub use bdpt::Bdpt;
+pub use markov::MarkovChains;
 pub use path_tracing::{PathSample, PathTracing, Strategy, Vertex};
+pub use pssmlt::{PrimaryPaths, Pssmlt};
 pub use splat::Splat;
 
 /// How light is found. All methods have the same mean, where they can find the light at all.
@@ -19,6 +23,8 @@ pub enum Integrator {
     Path(PathTracing),
     /// Walks from the camera and from emitters, joined in every way.
     Bdpt(Bdpt),
+    /// Metropolis sampling of the random numbers of another method.
+    Pssmlt(Pssmlt),
 }
 
 impl Default for Integrator {
@@ -33,6 +39,7 @@ impl Integrator {
         match self {
             Self::Path(_) => "path",
             Self::Bdpt(_) => "bdpt",
+            Self::Pssmlt(_) => "pssmlt",
         }
     }
 
@@ -41,6 +48,7 @@ impl Integrator {
         match self {
             Self::Path(settings) => format!("{settings:?}"),
             Self::Bdpt(settings) => format!("{settings:?}"),
+            Self::Pssmlt(settings) => format!("{settings:?}"),
         }
     }
 
@@ -53,7 +61,7 @@ impl Integrator {
     pub fn path_tracing(&self) -> PathTracing {
         match self {
             Self::Path(settings) => *settings,
-            Self::Bdpt(_) => PathTracing::default(),
+            Self::Bdpt(_) | Self::Pssmlt(_) => PathTracing::default(),
         }
     }
 }

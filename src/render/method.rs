@@ -1,8 +1,9 @@
 //! What every method but path tracing must offer to be run.
 
+use super::RenderSettings;
 use super::bidirectional::Bidirectional;
+use super::chains::Chains;
 use crate::integrator::Integrator;
-use crate::render::RenderSettings;
 use crate::scene::Scene;
 use quietlight_denoise::Layers;
 use std::fmt::Debug;
@@ -37,7 +38,7 @@ pub(super) trait Method: Debug {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
     /// Names and values for the metadata of the file, such as `normalisation`: `0.31 ± 0.02`.
-    pub facts: Vec<(&'static str, String)>,
+    pub facts: Vec<(String, String)>,
     /// What the user should know before trusting the picture.
     pub warnings: Vec<String>,
 }
@@ -50,5 +51,6 @@ pub(super) fn start<'a>(
     match settings.integrator {
         Integrator::Path(_) => None,
         Integrator::Bdpt(bdpt) => Some(Box::new(Bidirectional::new(scene, bdpt, settings))),
+        Integrator::Pssmlt(method) => Some(Box::new(Chains::new(scene, method, settings))),
     }
 }

@@ -1,8 +1,10 @@
 //! Who runs where: passes over tiles, rounds of chains, threads, budgets of samples or time, progress.
 
 mod bidirectional;
+mod chains;
 mod method;
 mod sampled;
+mod units;
 
 pub use method::Report;
 pub use sampled::replay;

@@ -6,9 +6,11 @@
 
 pub(crate) mod hash;
 pub mod independent;
+pub mod primary;
 pub mod sobol;
 
-pub use independent::IndependentSampler;
+pub use independent::{IndependentSampler, Stream};
+pub use primary::PrimarySampler;
 pub use sobol::SobolSampler;
 
 use glam::Vec2;

@@ -22,6 +22,7 @@ pub use requirements::Requirements;
 
 use crate::emitter::{EmitterId, Emitters};
 use crate::geometry::Geometry;
+use glam::Vec2;
 use std::path::{Path, PathBuf};
 
 /// What may be changed about a scene while it is loaded.
@@ -59,6 +60,22 @@ impl FilmSettings {
     pub fn crop_pdf(&self) -> f64 {
         let [_, _, columns, rows] = self.crop.map(f64::from);
         f64::from(self.width) * f64::from(self.height) / (columns * rows)
+    }
+
+    /// The point of the crop window, in pixels of the whole film, that `u` in `[0, 1)²` chooses uniformly. Rounding does
+    /// not carry it over the far edges.
+    pub fn crop_point(&self, u: Vec2) -> Vec2 {
+        let [left, top, columns, rows] = self.crop;
+        let place = |start: u32, count: u32, u: f32| {
+            let point = f64::from(start) + f64::from(count) * f64::from(u);
+            (point as f32).min(((start + count) as f32).next_down())
+        };
+        Vec2::new(place(left, columns, u.x), place(top, rows, u.y))
+    }
+
+    /// How many pixels there are to render.
+    pub fn crop_pixels(&self) -> u64 {
+        u64::from(self.crop[2]) * u64::from(self.crop[3])
     }
 }
 
