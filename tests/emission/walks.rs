@@ -42,7 +42,7 @@ fn directional() -> Emitter {
 fn map() -> Emitter {
     let mut random = Random::new(31);
     let texel = |i: usize, random: &mut Random| {
-        if i % 9 == 0 { 0.0 } else { 20.0 * random.next_f32().powi(6) }
+        if i.is_multiple_of(9) { 0.0 } else { 20.0 * random.next_f32().powi(6) }
     };
     let texels = (0..16 * 8).map(|i| Rgb::splat(texel(i, &mut random))).collect();
     let turn = DMat3::from_axis_angle(DVec3::new(2.0, 2.0, -1.0) / 3.0, 1.0);
@@ -228,9 +228,12 @@ fn emitters_without_extent_are_chosen_with_the_claimed_probability() {
     assert!(test.p > LEVEL, "{test:?}");
 }
 
-/// Emitters that are somewhere, and the axis around which they shine with its width in radians.
-fn finite_emitters() -> Vec<(String, Emitter, Option<(Vec3, f64)>)> {
-    let mut all: Vec<_> = parts()
+/// A name, an emitter, and the axis around which it shines with the half-angle in radians.
+type Beam = (String, Emitter, Option<(Vec3, f64)>);
+
+/// Emitters that are somewhere.
+fn finite_emitters() -> Vec<Beam> {
+    let mut all: Vec<Beam> = parts()
         .into_iter()
         .map(|(name, part)| (name.to_owned(), area(part, INTENSITY), None))
         .collect();
