@@ -141,11 +141,12 @@ fn integrator(arguments: &Render) -> Integrator {
         Strategy::Light => crate::integrator::Strategy::Light,
         Strategy::Bsdf => crate::integrator::Strategy::Bsdf,
     };
+    let path_tracing = PathTracing { strategy, ..PathTracing::default() };
     match arguments.integrator {
-        args::Integrator::Auto | args::Integrator::Path => PathTracing { strategy }.into(),
+        args::Integrator::Auto | args::Integrator::Path => path_tracing.into(),
         args::Integrator::Bdpt => Integrator::Bdpt(Bdpt::default()),
         args::Integrator::Pssmlt => Integrator::Pssmlt(Pssmlt {
-            paths: PrimaryPaths::Camera(PathTracing { strategy }),
+            paths: PrimaryPaths::Camera(path_tracing),
             ..Pssmlt::default()
         }),
     }
