@@ -21,6 +21,9 @@ pub enum Strategy {
     /// Both, weighted by the power heuristic.
     #[default]
     Mis,
+    /// Not at all: walks end as soon as the features of a sample are known, and its radiance means nothing. The features are
+    /// those of the other strategies that have shadow rays, bit for bit.
+    Features,
 }
 
 /// A path tracer: prefer it wherever light is not mainly found through narrow openings or focused by glass.
@@ -138,6 +141,7 @@ impl PathTracing {
             // Emission.
             let mut emitted = Rgb::BLACK;
             if let Some(id) = surface.emitter
+                && self.strategy != Strategy::Features
                 && !(scene.limits.hide_emitters && depth == 1)
             {
                 let radiance = scene.emitters.radiance(id, &at, -ray.direction);
@@ -180,7 +184,12 @@ impl PathTracing {
             }
 
             // Direct light.
-            if self.strategy != Strategy::Bsdf
+            let is_lit = match self.strategy {
+                Strategy::Bsdf => false,
+                Strategy::Features => scatterings == 0,
+                Strategy::Light | Strategy::Mis => true,
+            };
+            if is_lit
                 && shading.bsdf.has_smooth()
                 && let Some(light) = scene.emitters.sample(at.position, u_selection, u_light)
             {
@@ -195,6 +204,9 @@ impl PathTracing {
                 vertex.added += direct.diffuse + direct.specular;
             }
             observe(vertex);
+            if self.strategy == Strategy::Features && features.are_known() {
+                break;
+            }
 
             // The next direction.
             let Some(scattered) = shading.bsdf.sample(shading.wo, u_lobe, u_bsdf) else { break };
@@ -258,7 +270,7 @@ impl PathTracing {
     fn hit_weight(&self, departure: &Departure, light_pdf: impl FnOnce() -> f32) -> f32 {
         match self.strategy {
             _ if departure.is_delta => 1.0,
-            Strategy::Light => 0.0,
+            Strategy::Light | Strategy::Features => 0.0,
             Strategy::Bsdf => 1.0,
             Strategy::Mis => power_heuristic(departure.pdf, light_pdf()),
         }
@@ -320,6 +332,11 @@ struct FeatureWalk {
 }
 
 impl FeatureWalk {
+    /// Will further hits add nothing?
+    fn are_known(&self) -> bool {
+        self.hits >= 2 && self.is_surface_found
+    }
+
     fn visit(&mut self, sample: &mut PathSample, shading: &Shading<'_>, at: &Interaction, t: f32) {
         self.hits += 1;
         if self.hits > 2 && self.is_surface_found {
