@@ -283,6 +283,10 @@ pub(super) enum Integrator {
     Bdpt,
     /// Metropolis sampling in primary sample space (Kelemen et al.)
     Pssmlt,
+    /// Metropolis light transport: mutations of whole paths (Veach and Guibas)
+    Mlt,
+    /// Energy redistribution path tracing: short chains from path-traced seeds (Cline et al.)
+    Erpt,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

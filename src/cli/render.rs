@@ -4,7 +4,7 @@ use super::args::{self, Render, Sampler, SceneArguments, Strategy};
 use super::denoising::{Denoised, Denoising};
 use super::progress::{Progress, human};
 use super::{BadInput, Failure, replay};
-use crate::integrator::{Bdpt, Integrator, PathTracing, PrimaryPaths, Pssmlt};
+use crate::integrator::{Bdpt, Erpt, Integrator, Mlt, PathTracing, PrimaryPaths, Pssmlt};
 use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
@@ -145,6 +145,8 @@ fn integrator(arguments: &Render) -> Integrator {
     match arguments.integrator {
         args::Integrator::Auto | args::Integrator::Path => path_tracing.into(),
         args::Integrator::Bdpt => Integrator::Bdpt(Bdpt::default()),
+        args::Integrator::Erpt => Integrator::Erpt(Erpt::default()),
+        args::Integrator::Mlt => Integrator::Mlt(Mlt::default()),
         args::Integrator::Pssmlt => Integrator::Pssmlt(Pssmlt {
             paths: PrimaryPaths::Camera(path_tracing),
             ..Pssmlt::default()

@@ -4,14 +4,20 @@
 //! many of them, on which threads, is for [`crate::render`] to say.
 
 pub mod bdpt;
+mod changes;
+pub mod erpt;
 mod markov;
 pub mod mis;
+pub mod mlt;
 pub mod path_tracing;
 pub mod pssmlt;
 mod splat;
 
 pub use bdpt::Bdpt;
+pub use changes::Mutations;
+pub use erpt::Erpt;
 pub use markov::MarkovChains;
+pub use mlt::Mlt;
 pub use path_tracing::{PathSample, PathTracing, Strategy, Vertex};
 pub use pssmlt::{PrimaryPaths, Pssmlt};
 pub use splat::Splat;
@@ -25,6 +31,10 @@ pub enum Integrator {
     Bdpt(Bdpt),
     /// Metropolis sampling of the random numbers of another method.
     Pssmlt(Pssmlt),
+    /// Metropolis sampling of whole paths.
+    Mlt(Mlt),
+    /// Path tracing whose energy short chains spread over the film.
+    Erpt(Erpt),
 }
 
 impl Default for Integrator {
@@ -40,6 +50,8 @@ impl Integrator {
             Self::Path(_) => "path",
             Self::Bdpt(_) => "bdpt",
             Self::Pssmlt(_) => "pssmlt",
+            Self::Mlt(_) => "mlt",
+            Self::Erpt(_) => "erpt",
         }
     }
 
@@ -49,6 +61,8 @@ impl Integrator {
             Self::Path(settings) => format!("{settings:?}"),
             Self::Bdpt(settings) => format!("{settings:?}"),
             Self::Pssmlt(settings) => format!("{settings:?}"),
+            Self::Mlt(settings) => format!("{settings:?}"),
+            Self::Erpt(settings) => format!("{settings:?}"),
         }
     }
 
@@ -61,7 +75,9 @@ impl Integrator {
     pub fn path_tracing(&self) -> PathTracing {
         match self {
             Self::Path(settings) => *settings,
-            Self::Bdpt(_) | Self::Pssmlt(_) => PathTracing::default(),
+            Self::Bdpt(_) | Self::Pssmlt(_) | Self::Mlt(_) | Self::Erpt(_) => {
+                PathTracing::default()
+            }
         }
     }
 }

@@ -3,6 +3,7 @@
 mod bidirectional;
 mod chains;
 mod method;
+mod redistribution;
 mod sampled;
 mod units;
 

@@ -31,6 +31,13 @@ pub struct Contribution {
     pub weight: f64,
 }
 
+impl Contribution {
+    /// Luminance, weighted.
+    pub fn luminance(&self) -> f64 {
+        f64::from((self.diffuse + self.specular).luminance()) * self.weight
+    }
+}
+
 /// Which ways of finding a path there are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Strategies {
