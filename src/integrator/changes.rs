@@ -2,8 +2,8 @@
 
 use super::Splat;
 use super::mlt::splat;
-use crate::mcmc::mutation::{Mutation, MutationSettings};
-use crate::mcmc::{Failure, Kernels, Proposal};
+use crate::mcmc::mutation::{Mutation, MutationSettings, Mutations as Kernels};
+use crate::mcmc::{self, Failure, Kernels as _, Proposal};
 use crate::sampler::IndependentSampler;
 use crate::scene::Scene;
 use crate::transport::path::Path;
@@ -28,39 +28,34 @@ impl Default for Mutations {
 }
 
 impl Mutations {
-    fn has(self, mutation: Mutation) -> bool {
-        match mutation {
-            Mutation::Bidirectional => self.bidirectional,
-            Mutation::Lens => self.lens,
-            Mutation::Caustic => self.caustic,
-            Mutation::MultiChain => self.multi_chain,
-        }
+    /// How readily each of [`Mutation::ALL`] is chosen.
+    fn weights(self) -> [f64; 4] {
+        let Self { bidirectional, lens, caustic, multi_chain } = self;
+        [bidirectional, lens, caustic, multi_chain].map(|is_on| f64::from(u8::from(is_on)))
     }
 }
 
-/// The mutations in one scene.
+/// Settings of the mutations of paths of at least `shortest` edges.
+pub(super) fn reach(scene: &Scene, shortest: u32) -> MutationSettings {
+    let settings = MutationSettings::of(scene);
+    MutationSettings { min_edges: settings.min_edges.max(shortest), ..settings }
+}
+
+/// The mutations in one scene, which can be watched.
 pub(super) struct Changes<'s> {
-    scene: &'s Scene,
-    mutations: Mutations,
-    settings: MutationSettings,
+    kernels: Kernels<'s>,
     /// Where the last proposal would have put its light, for those who want to know.
     proposed: Option<Splat>,
 }
 
 impl<'s> Changes<'s> {
     /// Names, in the order of [`Mutation::ALL`].
-    pub(super) const NAMES: &'static [&'static str] =
-        &["bidirectional", "lens", "caustic", "multi-chain"];
+    pub(super) const NAMES: &'static [&'static str] = &Mutation::NAMES;
 
-    /// Of paths of at least three edges if direct light is left to path tracing.
-    pub(super) fn new(
-        scene: &'s Scene,
-        mutations: Mutations,
-        reach: MutationSettings,
-        separate_direct: bool,
-    ) -> Self {
-        let shortest = super::mlt::shortest(separate_direct);
-        Self { scene, mutations, settings: reach.of_edges(scene, shortest), proposed: None }
+    /// Of paths of at least `shortest` edges.
+    pub(super) fn new(scene: &'s Scene, mutations: Mutations, shortest: u32) -> Self {
+        let settings = reach(scene, shortest);
+        Self { kernels: Kernels { scene, settings, weights: mutations.weights() }, proposed: None }
     }
 
     /// Before a step: notes where a proposal that fails leaves the light, which is where it is.
@@ -74,7 +69,7 @@ impl<'s> Changes<'s> {
     }
 }
 
-impl<'s> Kernels for Changes<'s> {
+impl<'s> mcmc::Kernels for Changes<'s> {
     type State = Path<'s>;
 
     fn names(&self) -> &'static [&'static str] {
@@ -82,10 +77,7 @@ impl<'s> Kernels for Changes<'s> {
     }
 
     fn selection(&self, kernel: usize, path: &Path<'s>) -> f64 {
-        let mutation = Mutation::ALL[kernel];
-        let is_possible =
-            self.mutations.has(mutation) && mutation.is_suitable(path, &self.settings);
-        f64::from(u8::from(is_possible))
+        self.kernels.selection(kernel, path)
     }
 
     fn propose(
@@ -94,7 +86,7 @@ impl<'s> Kernels for Changes<'s> {
         path: &Path<'s>,
         numbers: &mut IndependentSampler,
     ) -> Result<Proposal<Path<'s>>, Failure> {
-        let proposal = Mutation::ALL[kernel].propose(self.scene, &self.settings, path, numbers)?;
+        let proposal = self.kernels.propose(kernel, path, numbers)?;
         if let Some(proposed) = &mut self.proposed {
             *proposed = splat(&proposal.state);
         }

@@ -2,9 +2,8 @@
 
 use super::Splat;
 use super::bdpt::{Bdpt, Workspace};
-use super::changes::{Changes, Mutations};
+use super::changes::{Changes, Mutations, reach};
 use super::mlt::{shortest, splat};
-use crate::mcmc::mutation::MutationSettings;
 use crate::mcmc::{Chain, Statistics};
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler, Stream};
 use crate::scene::Scene;
@@ -34,8 +33,6 @@ pub struct Erpt {
     pub most_chains: u32,
     /// Is light of at most one bounce, which path tracing finds easily, left to it?
     pub separate_direct: bool,
-    /// How far mutations go.
-    pub reach: MutationSettings,
     /// Drops what a chain deposits on one path beyond so many deposits in a row, which takes spikes away, and energy with
     /// them: the picture gets darker, by as much as the report says.
     pub consecutive_limit: Option<u32>,
@@ -52,7 +49,6 @@ impl Default for Erpt {
             mutations_per_sample: 16,
             most_chains: 1000,
             separate_direct: true,
-            reach: MutationSettings::default(),
             consecutive_limit: None,
             proposal_limit: None,
         }
@@ -232,7 +228,7 @@ impl Erpt {
         deposits: &mut Deposits,
     ) {
         let Deposits { splats, proposals, ledger } = deposits;
-        let mut changes = Changes::new(scene, self.mutations, self.reach, self.separate_direct);
+        let mut changes = Changes::new(scene, self.mutations, shortest(self.separate_direct));
         let mut chain = Chain::new(path, Changes::NAMES.len());
         let limit = self.consecutive_limit.map_or(f64::INFINITY, f64::from);
         let mut record = |path: &Path<'s>, weight: f64| {
@@ -261,7 +257,7 @@ struct Deposit {
 }
 
 fn max_depth(scene: &Scene) -> u32 {
-    scene.limits.max_depth.unwrap_or(u32::MAX)
+    reach(scene, 1).max_edges
 }
 
 #[cfg(test)]

@@ -1,9 +1,8 @@
 //! Metropolis light transport.
 
 use super::bdpt::{Bdpt, Workspace};
-use super::changes::{Changes, Mutations};
+use super::changes::{Changes, Mutations, reach};
 use super::{MarkovChains, Splat};
-use crate::mcmc::mutation::MutationSettings;
 use crate::mcmc::{Chain, Statistics};
 use crate::sampler::{IndependentSampler, Sampler, Stream};
 use crate::scene::Scene;
@@ -23,18 +22,11 @@ pub struct Mlt {
     pub separate_direct: bool,
     /// Pairs of walks that give the normalisation and the chains' seeds, both halves together (Mitsuba 0.6's number).
     pub bootstrap_pairs: u32,
-    /// How far mutations go.
-    pub reach: MutationSettings,
 }
 
 impl Default for Mlt {
     fn default() -> Self {
-        Self {
-            mutations: Mutations::default(),
-            separate_direct: true,
-            bootstrap_pairs: 100_000,
-            reach: MutationSettings::default(),
-        }
+        Self { mutations: Mutations::default(), separate_direct: true, bootstrap_pairs: 100_000 }
     }
 }
 
@@ -92,7 +84,7 @@ impl MarkovChains for Mlt {
         let numbers = IndependentSampler::stream(seed, Stream::Bootstrap, index);
         let pair = walks(scene, numbers, &mut workspace);
         let mut contributions = Vec::new();
-        pair.connect(scene.limits.max_depth.unwrap_or(u32::MAX), &mut contributions);
+        pair.connect(reach(scene, 1).max_edges, &mut contributions);
         found.extend(
             contributions
                 .iter()
@@ -126,7 +118,7 @@ impl MarkovChains for Mlt {
     ) {
         let PathWalker { chain, numbers } = walker;
         let mut record = |path: &Path<'s>, weight: f64| splats.push(splat(path).weighted(weight));
-        let mut changes = Changes::new(scene, self.mutations, self.reach, self.separate_direct);
+        let mut changes = Changes::new(scene, self.mutations, shortest(self.separate_direct));
         for _ in 0..mutations {
             chain.step(&mut changes, numbers, &mut record);
         }

@@ -5,6 +5,7 @@
 
 pub mod bdpt;
 mod changes;
+mod choice;
 pub mod erpt;
 mod markov;
 pub mod mis;
@@ -15,6 +16,7 @@ mod splat;
 
 pub use bdpt::Bdpt;
 pub use changes::Mutations;
+pub use choice::{Choice, LightProbe};
 pub use erpt::Erpt;
 pub use markov::MarkovChains;
 pub use mlt::Mlt;
