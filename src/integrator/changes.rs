@@ -3,7 +3,7 @@
 use super::Splat;
 use super::mlt::splat;
 use crate::mcmc::mutation::{Mutation, MutationSettings, Mutations as Kernels};
-use crate::mcmc::{self, Failure, Kernels as _, Proposal};
+use crate::mcmc::{self, Failure, Proposal};
 use crate::sampler::IndependentSampler;
 use crate::scene::Scene;
 use crate::transport::path::Path;
