@@ -91,6 +91,9 @@ pub(super) struct Render {
     /// Where random numbers come from
     #[arg(long, value_enum, default_value_t)]
     pub(super) sampler: Sampler,
+    /// Which walks PSSMLT makes of its random numbers
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) walks: Walks,
     /// How path tracing finds direct light
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: Strategy,
@@ -283,6 +286,15 @@ pub(super) enum Integrator {
     Bdpt,
     /// Metropolis sampling in primary sample space (Kelemen et al.)
     Pssmlt,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Walks {
+    /// From the camera and from emitters, as bidirectional path tracing
+    #[default]
+    Both,
+    /// From the camera, as path tracing
+    Camera,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

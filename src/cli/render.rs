@@ -1,6 +1,6 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
-use super::args::{self, Render, Sampler, SceneArguments, Strategy};
+use super::args::{self, Render, Sampler, SceneArguments, Strategy, Walks};
 use super::denoising::{Denoised, Denoising};
 use super::progress::{Progress, human};
 use super::{BadInput, Failure, replay};
@@ -146,7 +146,10 @@ fn integrator(arguments: &Render) -> Integrator {
         args::Integrator::Auto | args::Integrator::Path => path_tracing.into(),
         args::Integrator::Bdpt => Integrator::Bdpt(Bdpt::default()),
         args::Integrator::Pssmlt => Integrator::Pssmlt(Pssmlt {
-            paths: PrimaryPaths::Camera(path_tracing),
+            paths: match arguments.walks {
+                Walks::Both => PrimaryPaths::Bidirectional(Bdpt::default()),
+                Walks::Camera => PrimaryPaths::Camera(path_tracing),
+            },
             ..Pssmlt::default()
         }),
     }
