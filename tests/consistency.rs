@@ -3,7 +3,7 @@
 
 use crate::support::batches::{Batches, assert_same, bdpt_batches, path_batches, render_batches};
 use crate::support::scenes::scene_around;
-use quietlight::integrator::{Bdpt, Erpt, Integrator, Mlt, PathTracing, PrimaryPaths, Pssmlt};
+use quietlight::integrator::{Bdpt, Erpt, Integrator, Mlt, PrimaryPaths, Pssmlt};
 use quietlight::scene::{LoadOptions, Scene};
 use quietlight::transport::connect::Strategies;
 use std::path::Path;
@@ -24,7 +24,7 @@ fn reference(scene: &Scene, samples: u32) -> Batches {
 }
 
 fn pssmlt() -> Integrator {
-    let paths = PrimaryPaths::Camera(PathTracing::default());
+    let paths = PrimaryPaths::Bidirectional(Bdpt::default());
     Integrator::Pssmlt(Pssmlt { paths, bootstrap_samples: 4000, ..Pssmlt::default() })
 }
 

@@ -91,6 +91,9 @@ pub(super) struct Render {
     /// Where random numbers come from
     #[arg(long, value_enum, default_value_t)]
     pub(super) sampler: Sampler,
+    /// Which walks PSSMLT makes of its random numbers
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) walks: Walks,
     /// How path tracing finds direct light
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: Strategy,
@@ -287,6 +290,15 @@ pub(super) enum Integrator {
     Mlt,
     /// Energy redistribution path tracing: short chains from path-traced seeds (Cline et al.)
     Erpt,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Walks {
+    /// From the camera and from emitters, as bidirectional path tracing
+    #[default]
+    Both,
+    /// From the camera, as path tracing
+    Camera,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

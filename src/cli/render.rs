@@ -1,6 +1,6 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
-use super::args::{self, Render, Sampler, SceneArguments, Strategy};
+use super::args::{self, Render, Sampler, SceneArguments, Strategy, Walks};
 use super::denoising::{Denoised, Denoising};
 use super::progress::{Progress, human};
 use super::{BadInput, Failure, replay};
@@ -148,7 +148,10 @@ fn integrator(arguments: &Render) -> Integrator {
         args::Integrator::Erpt => Integrator::Erpt(Erpt::default()),
         args::Integrator::Mlt => Integrator::Mlt(Mlt::default()),
         args::Integrator::Pssmlt => Integrator::Pssmlt(Pssmlt {
-            paths: PrimaryPaths::Camera(path_tracing),
+            paths: match arguments.walks {
+                Walks::Both => PrimaryPaths::Bidirectional(Bdpt::default()),
+                Walks::Camera => PrimaryPaths::Camera(path_tracing),
+            },
             ..Pssmlt::default()
         }),
     }

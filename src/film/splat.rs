@@ -237,13 +237,7 @@ impl SplatFilm {
             self.nowhere += 1;
             return None;
         }
-        let [left, top, columns, rows] = self.settings.crop;
-        let place = |at: f32, start: u32, count: u32| {
-            let cell = f64::from(at).floor() - f64::from(start);
-            (0.0..f64::from(count)).contains(&cell).then_some(cell as usize)
-        };
-        let (x, y) = (place(raster.x, left, columns)?, place(raster.y, top, rows)?);
-        Some(y * columns as usize + x)
+        self.settings.crop_pixel(raster)
     }
 }
 

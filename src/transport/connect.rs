@@ -390,7 +390,7 @@ impl<'s> Pair<'_, 's> {
         let scattered = surface.shading.bsdf.eval(to_eye, light_side);
         let distance2 = f64::from(view.distance).powi(2);
         let cosine = surface.cosine(view.direction);
-        let raster_pdf = camera.raster_pdf(view.direction);
+        let raster_pdf = self.raster_pdf(view.direction);
         let light =
             step.throughput * (cosine * raster_pdf / (surface.cosine(step.previous) * distance2));
         let parts = [colour(scattered.diffuse) * light, colour(scattered.specular) * light];
