@@ -74,7 +74,7 @@ fn assert_balanced_alone(mutation: Mutation, samples: u32, steps: u32) {
     for (what, scene) in rooms() {
         let flow = Flow::measure(&scene, Measure { weights, samples, steps });
         let kernel = flow.statistics().kernels[mutation as usize];
-        assert!(kernel.accepted > 1000, "{what}: {:?}", flow.statistics());
+        assert!(kernel.accepted > 1000, "{what}: {kernel:?}");
         if std::env::var_os("SHOW").is_some() {
             eprintln!("{what}: {}", flow.statistics().lines(&Mutation::NAMES).join("\n"));
         }
@@ -84,28 +84,28 @@ fn assert_balanced_alone(mutation: Mutation, samples: u32, steps: u32) {
 
 #[test]
 fn the_lens_perturbation_leaves_light_where_it_is() {
-    assert_balanced_alone(Mutation::Lens, 20_000, 20);
+    assert_balanced_alone(Mutation::Lens, 100_000, 20);
 }
 
 #[test]
 fn the_caustic_perturbation_leaves_light_where_it_is() {
-    assert_balanced_alone(Mutation::Caustic, 20_000, 20);
+    assert_balanced_alone(Mutation::Caustic, 100_000, 20);
 }
 
 #[test]
 fn the_multi_chain_perturbation_leaves_light_where_it_is() {
-    assert_balanced_alone(Mutation::MultiChain, 40_000, 20);
+    assert_balanced_alone(Mutation::MultiChain, 150_000, 20);
 }
 
 #[test]
 fn the_bidirectional_mutation_leaves_light_where_it_is() {
-    assert_balanced_alone(Mutation::Bidirectional, 40_000, 3);
+    assert_balanced_alone(Mutation::Bidirectional, 150_000, 3);
 }
 
 #[test]
 fn all_mutations_together_leave_light_where_it_is() {
     let scene = room(6, &format!("{AREA}{POINT}"), LENS);
-    let flow = Flow::measure(&scene, Measure { weights: [1.0; 4], samples: 60_000, steps: 5 });
+    let flow = Flow::measure(&scene, Measure { weights: [1.0; 4], samples: 200_000, steps: 5 });
     flow.assert_balanced("all");
 }
 
@@ -144,7 +144,6 @@ fn mutations_are_suitable_for_the_paths_of_the_golden_table() {
         ("LDSDSE", [false, false, true]),
         ("LDSDDE", [true, true, false]),
         ("LDDSDE", [false, true, true]),
-        ("LSDSDSDE", [false, false, false]),
         ("LDSDSDE", [false, true, true]),
     ];
     let scene = room(7, &format!("{AREA}{POINT}"), "");
