@@ -7,7 +7,7 @@
 //! adds up what was found. Its layers then go to image space, the crate `quietlight_denoise`.
 //!
 //! Each module uses only what stands to its left:
-//! `math ← sampler, geometry, texture ← bsdf, emitter ← scene ← integrator ← film, render ← dataset ← cli`. A `bsdf` never sees a
+//! `math ← sampler, geometry, texture ← bsdf, emitter ← scene ← transport ← integrator ← film, render ← dataset ← cli`. A `bsdf` never sees a
 //! scene or a sampler, a `scene` never sees an integrator or a film, and only `cli` prints.
 //!
 //! Deliberately absent: participating media, spectra, hair, motion. A scene that needs them is refused.
@@ -24,3 +24,4 @@ pub mod render;
 pub mod sampler;
 pub mod scene;
 pub mod texture;
+pub mod transport;

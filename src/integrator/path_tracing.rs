@@ -1,14 +1,17 @@
 //! Unidirectional path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling.
 
 use super::mis::power_heuristic;
+use super::receiver::Receiver;
 use super::roulette::survive;
-use crate::bsdf::Bsdf;
 use crate::emitter::EmitterSample;
 use crate::geometry::{Interaction, Ray};
-use crate::math::{Frame, Rgb};
+use crate::math::Rgb;
 use crate::sampler::Sampler;
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
+use crate::transport::shading::Shading;
+use crate::transport::visibility::{shadow_ray, transmittance};
 use glam::Vec3;
+use std::ops::ControlFlow;
 
 /// How direct light is found. All three have the same mean, which is how they test each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,10 +84,6 @@ struct Departure {
     is_delta: bool,
 }
 
-/// Shadow rays stop this much short of the emitter, relative to its distance, so that they do not hit it. Rounding of
-/// the direction moves the far end by a few ulps of the distance; a blocker nearer to the emitter than this is missed.
-const SHADOW_MARGIN: f32 = 1e-4;
-
 impl PathTracing {
     /// Follows one camera ray through `scene`.
     pub fn trace<S: Sampler>(&self, scene: &Scene, ray: Ray, sampler: &mut S) -> PathSample {
@@ -95,9 +94,34 @@ impl PathTracing {
     pub fn trace_observed<S: Sampler>(
         &self,
         scene: &Scene,
+        ray: Ray,
+        sampler: &mut S,
+        observe: impl FnMut(Vertex),
+    ) -> PathSample {
+        self.walk::<S, false>(scene, ray, sampler, observe, |_| ControlFlow::Continue(()))
+    }
+
+    /// Follows one camera ray without the light that [`Receiver::scatter`] leads straight from emitters to the camera:
+    /// `receive` is given the receiver, if the ray meets one that may be lit, and may end the walk there. With the light that
+    /// reaches the receiver directly this has the mean of [`PathTracing::trace`]; its shadow ray's visibility is 0.
+    pub fn trace_without_direct<'a, S: Sampler>(
+        &self,
+        scene: &'a Scene,
+        ray: Ray,
+        sampler: &mut S,
+        receive: impl FnMut(Receiver<'a>) -> ControlFlow<()>,
+    ) -> PathSample {
+        self.walk::<S, true>(scene, ray, sampler, |_| {}, receive)
+    }
+
+    /// The walk of both. Which of them it is, is known when it is compiled, so that path tracing does not pay for it.
+    fn walk<'a, S: Sampler, const WITHOUT_DIRECT: bool>(
+        &self,
+        scene: &'a Scene,
         mut ray: Ray,
         sampler: &mut S,
         mut observe: impl FnMut(Vertex),
+        mut receive: impl FnMut(Receiver<'a>) -> ControlFlow<()>,
     ) -> PathSample {
         let mut sample = PathSample::default();
         let max_depth = scene.limits.max_depth.unwrap_or(u32::MAX);
@@ -114,10 +138,15 @@ impl PathTracing {
         let length = ray.origin.distance(scene.camera.center());
         let mut features = FeatureWalk { length, ..FeatureWalk::default() };
         let mut depth = 0u32;
+        // Of a walk without direct light: has it met the receiver, and did the receiver's smooth lobe scatter last?
+        let (mut is_received, mut is_left_out) = (false, false);
 
         while depth < max_depth {
             depth += 1;
             let Some(hit) = scene.geometry.intersect(&ray) else {
+                if WITHOUT_DIRECT && is_left_out {
+                    break;
+                }
                 let radiance = self.background(scene, &ray, &departure, depth);
                 if scatterings == 0 {
                     sample.specular += throughput * radiance;
@@ -134,6 +163,7 @@ impl PathTracing {
             let mut emitted = Rgb::BLACK;
             if let Some(id) = surface.emitter
                 && !(scene.limits.hide_emitters && depth == 1)
+                && !(WITHOUT_DIRECT && is_left_out)
             {
                 let radiance = scene.emitters.radiance(id, &at, -ray.direction);
                 if !radiance.is_black() {
@@ -175,7 +205,19 @@ impl PathTracing {
             }
 
             // Direct light.
-            if self.strategy != Strategy::Bsdf
+            let is_receiver = WITHOUT_DIRECT && !is_received && shading.bsdf.has_smooth();
+            if is_receiver {
+                is_received = true;
+                let receiver = Receiver {
+                    at,
+                    shading: shading.clone(),
+                    throughput: first_weight * throughput,
+                    is_first: scatterings == 0,
+                };
+                if receive(receiver).is_break() {
+                    break;
+                }
+            } else if self.strategy != Strategy::Bsdf
                 && shading.bsdf.has_smooth()
                 && let Some(light) = scene.emitters.sample(at.position, u_selection, u_light)
             {
@@ -211,6 +253,13 @@ impl PathTracing {
                 pdf: scattered.pdf,
                 is_delta: scattered.is_delta,
             };
+
+            if WITHOUT_DIRECT {
+                is_left_out = is_receiver && !departure.is_delta;
+                if is_left_out && depth + 1 == max_depth {
+                    break;
+                }
+            }
 
             // Russian roulette.
             let importance = (first_weight * throughput).max_component();
@@ -280,8 +329,7 @@ impl PathTracing {
             return direct;
         }
         let shadow_ray = if light.distance.is_finite() {
-            let ray = at.spawn_to(at.position + light.direction * light.distance);
-            Ray { t_max: 1.0 - SHADOW_MARGIN, ..ray }
+            shadow_ray(at, at.position + light.direction * light.distance)
         } else {
             at.spawn(light.direction)
         };
@@ -305,58 +353,6 @@ struct DirectLight {
     diffuse: Rgb,
     specular: Rgb,
     visibility: f32,
-}
-
-/// The part of light that masks leave of a shadow ray: 0 behind an opaque surface, 1 when nothing is in the way.
-fn transmittance(scene: &Scene, mut ray: Ray) -> f32 {
-    if !scene.has_masks {
-        return if scene.geometry.occluded(&ray) { 0.0 } else { 1.0 };
-    }
-    let mut transmittance = 1.0;
-    while let Some(hit) = scene.geometry.intersect(&ray) {
-        let at = scene.geometry.interaction(&ray, &hit);
-        let surface = scene.surfaces[at.part as usize];
-        transmittance *= 1.0 - scene.materials[surface.material.0 as usize].opacity(&at);
-        if transmittance <= 0.0 {
-            return 0.0;
-        }
-        let remaining = ray.t_max - hit.t;
-        ray = at.spawn(ray.direction);
-        ray.t_max = remaining;
-    }
-    transmittance
-}
-
-/// A surface point seen from `wo`, ready to scatter.
-struct Shading<'a> {
-    bsdf: Bsdf<'a>,
-    frame: Frame,
-    /// Geometric normal on the side of the frame's normal.
-    normal: Vec3,
-    /// Local direction to where the ray came from.
-    wo: Vec3,
-}
-
-impl<'a> Shading<'a> {
-    fn new(material: &'a Material, at: &Interaction, wo: Vec3) -> Self {
-        let mut frame = material.frame(at);
-        // Some meshes have vertex normals against their winding: the normals decide which side is which.
-        let mut normal = if at.normal.dot(frame.normal) < 0.0 { -at.normal } else { at.normal };
-        let mut local = frame.to_local(wo);
-        if material.two_sided && local.z < 0.0 {
-            frame.normal = -frame.normal;
-            local.z = -local.z;
-            normal = -normal;
-        }
-        Self { bsdf: material.bsdf(at), frame, normal, wo: local }
-    }
-
-    /// Does a direction, given in the local frame and in the world, lie on the same side of the surface by both
-    /// normals? Where an interpolated normal says otherwise light would leak through the surface: such directions
-    /// scatter nothing, whichever way the light goes, so that all integrators agree.
-    fn is_consistent(&self, local: Vec3, world: Vec3) -> bool {
-        local.z * self.normal.dot(world) > 0.0
-    }
 }
 
 /// Follows the walk until every feature is known.

@@ -1,0 +1,43 @@
+//! A surface point in its local frame.
+
+use crate::bsdf::Bsdf;
+use crate::geometry::Interaction;
+use crate::math::Frame;
+use crate::scene::Material;
+use glam::Vec3;
+
+/// A surface point seen from `wo`, ready to scatter.
+#[derive(Clone, Debug)]
+pub struct Shading<'a> {
+    /// The model, textures looked up.
+    pub bsdf: Bsdf<'a>,
+    /// Local frame: `z` is the shading normal, turned to `wo` where the material is two-sided.
+    pub frame: Frame,
+    /// Geometric normal on the side of the frame's normal.
+    pub normal: Vec3,
+    /// Local direction to where the ray came from.
+    pub wo: Vec3,
+}
+
+impl<'a> Shading<'a> {
+    /// The surface of `material` at `at`, seen from the unit direction `wo`.
+    pub fn new(material: &'a Material, at: &Interaction, wo: Vec3) -> Self {
+        let mut frame = material.frame(at);
+        // Some meshes have vertex normals against their winding: the normals decide which side is which.
+        let mut normal = if at.normal.dot(frame.normal) < 0.0 { -at.normal } else { at.normal };
+        let mut local = frame.to_local(wo);
+        if material.two_sided && local.z < 0.0 {
+            frame.normal = -frame.normal;
+            local.z = -local.z;
+            normal = -normal;
+        }
+        Self { bsdf: material.bsdf(at), frame, normal, wo: local }
+    }
+
+    /// Does a direction, given in the local frame and in the world, lie on the same side of the surface by both
+    /// normals? Where an interpolated normal says otherwise light would leak through the surface: such directions
+    /// scatter nothing, whichever way the light goes, so that all integrators agree.
+    pub fn is_consistent(&self, local: Vec3, world: Vec3) -> bool {
+        local.z * self.normal.dot(world) > 0.0
+    }
+}
