@@ -12,3 +12,4 @@ mod rays;
 mod sampling;
 mod scene;
 mod support;
+mod visibility;

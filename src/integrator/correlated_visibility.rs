@@ -27,7 +27,7 @@ use super::receiver::Receiver;
 use crate::math::Rgb;
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler, hash};
 use crate::scene::Scene;
-use exchange::{Deposit, Exchange, Seed};
+use exchange::{Deposit, Exchange, Move, Seed};
 use glam::Vec2;
 use light::Lights;
 use marks::{Marks, Seen};
@@ -68,6 +68,8 @@ pub struct CorrelatedVisibility {
     pub steps: u32,
     /// The pixel mutation moves so many columns and rows at most.
     pub window: u32,
+    /// Fewest chains from one sample; below it each carries less energy. 0 leaves it to chance whether a dim sample has one.
+    pub min_chains: u32,
     /// Most chains from one sample; beyond it each carries more energy.
     pub max_chains: u32,
 }
@@ -82,8 +84,9 @@ impl Default for CorrelatedVisibility {
             pilot_hits: 4,
             dilation: 2,
             mutations: 4,
-            steps: 16,
+            steps: 1,
             window: 4,
+            min_chains: 1,
             max_chains: 4096,
         }
     }
@@ -168,6 +171,7 @@ enum Stream {
     PilotWalk,
     PilotGather,
     Chains,
+    Moves,
 }
 
 impl<'a> VisibilityRendering<'a> {
@@ -415,22 +419,33 @@ impl<'a> VisibilityRendering<'a> {
         let found: f64 = seeds.iter().map(|seed| seed.energy).sum();
         let steps = self.settings.steps.max(1);
         let mutations = f64::from(self.settings.mutations) * f64::from(hits) * marks.len() as f64;
-        self.ledger.found += found;
+        // A constant share of every sample's energy stays, as if its own shadow ray were one of the mutations.
+        let rays = self.settings.shadow_rays.max(1);
+        let moving = f64::from(self.settings.mutations) / f64::from(self.settings.mutations + rays);
+        self.ledger.found += moving * found;
         if found <= 0.0 {
             return;
         }
-        let chain_energy = found / mutations * f64::from(steps);
-        let u = IndependentSampler::new(self.stream(Stream::Chains), u32::MAX, self.chain_key())
-            .next_1d();
-        let max_chains = self.settings.max_chains.max(1);
-        let batches = chains_of(seeds, chain_energy, max_chains, f64::from(u));
+        let chain_energy = moving * found / mutations * f64::from(steps);
+        let u = self.chain_sampler(Stream::Chains, u32::MAX).next_1d();
+        let limits = [self.settings.min_chains, self.settings.max_chains.max(1)];
+        let batches = chains_of(seeds, moving, chain_energy, limits, f64::from(u));
+        let mut most = 0;
         for batch in &batches {
             let chains = u64::from(batch.chains);
             self.ledger.chains += chains;
             self.ledger.mutations += chains * u64::from(steps);
             self.ledger.limited += u64::from(batch.energy > chain_energy);
             self.ledger.given += f64::from(batch.chains) * batch.energy;
+            most = most.max(batch.chains);
         }
+        let window = self.settings.window.max(1);
+        let moves: Vec<Vec<Move>> = (0..most)
+            .map(|chain| {
+                let mut sampler = self.chain_sampler(Stream::Moves, chain);
+                (0..steps).map(|_| Move::sample(window, hits, &mut sampler)).collect()
+            })
+            .collect();
         let pixels: Vec<u32> = marks.pixels().map(|pixel| pixel as u32).collect();
         let exchange = Exchange {
             scene: self.scene,
@@ -439,8 +454,15 @@ impl<'a> VisibilityRendering<'a> {
             pixels: &pixels,
             receivers,
             hits,
-            window: self.settings.window.max(1),
         };
+        let (mut sums, mut deposited) = (std::mem::take(&mut self.sums), 0.0);
+        let mut leave = |deposit: &Deposit| {
+            let Deposit { slot, energy, diffuse, specular } = *deposit;
+            sums[pixels[slot as usize] as usize].add(diffuse, specular, energy);
+        };
+        for seed in seeds {
+            leave(&exchange.stay(seed, (1.0 - moving) * seed.energy));
+        }
         // Chains run in waves, so that what they leave is added up in their order and yet need not all be kept at once.
         for wave in batches.chunks(WAVE) {
             let deposits: Vec<Vec<Deposit>> = wave
@@ -449,34 +471,32 @@ impl<'a> VisibilityRendering<'a> {
                     let mut deposits = Vec::new();
                     for batch in batches {
                         let energy = batch.energy / f64::from(steps);
-                        for chain in batch.first..batch.first.wrapping_add(batch.chains) {
-                            let mut sampler = IndependentSampler::new(
-                                self.stream(Stream::Chains),
-                                chain,
-                                self.chain_key(),
-                            );
+                        for (chain, moves) in (0..batch.chains).zip(&moves) {
+                            let number = batch.first.wrapping_add(chain);
+                            let mut sampler = self.chain_sampler(Stream::Chains, number);
                             let seed = &seeds[batch.seed];
-                            exchange.run(seed, steps, energy, &mut sampler, &mut deposits);
+                            exchange.run(seed, moves, energy, &mut sampler, &mut deposits);
                         }
                     }
                     deposits
                 })
                 .collect();
             for deposit in deposits.iter().flatten() {
-                let Deposit { slot, energy, diffuse, specular } = *deposit;
-                self.ledger.deposited += energy;
-                self.sums[pixels[slot as usize] as usize].add(diffuse, specular, energy);
+                deposited += deposit.energy;
+                leave(deposit);
             }
         }
+        self.sums = sums;
+        self.ledger.deposited += deposited;
     }
 
     fn stream(&self, stream: Stream) -> u64 {
         hash::key(self.seed, stream as u32, 0)
     }
 
-    /// Tells the chains of halves and rounds apart.
-    fn chain_key(&self) -> u32 {
-        2 * self.rounds + self.half
+    /// The numbers of a chain, or of a number of chains, of this half and round.
+    fn chain_sampler(&self, stream: Stream, chain: u32) -> IndependentSampler {
+        IndependentSampler::new(self.stream(stream), chain, 2 * self.rounds + self.half)
     }
 }
 
@@ -544,21 +564,26 @@ struct Batch {
     energy: f64,
 }
 
-/// How many chains start from each sample: its energy over `chain_energy`, at most `max_chains`, rounded up or down so
-/// that the expectation over `u` in `[0, 1)` is exact. The rounding is systematic, one `u` for all samples, which spreads
-/// the chains as evenly as the energy; it is never worse than a number for each (Cline et al. 2005 have that).
-fn chains_of(seeds: &[Seed], chain_energy: f64, max_chains: u32, u: f64) -> Vec<Batch> {
+/// How many chains start from each sample: the share `moving` of its energy over `chain_energy`, rounded up or down so that
+/// the expectation over `u` in `[0, 1)` is exact. The rounding is systematic, one `u` for all samples, which spreads the chains
+/// as evenly as the energy (Cline et al. 2005 draw a number for each). Beyond the limits, the energy of a chain makes up for
+/// what their number lacks.
+fn chains_of(
+    seeds: &[Seed],
+    moving: f64,
+    chain_energy: f64,
+    [fewest, most]: [u32; 2],
+    u: f64,
+) -> Vec<Batch> {
     let (mut sum, mut done, mut first) = (u, 0.0, 0u32);
     let mut batches = Vec::new();
     for (index, seed) in seeds.iter().enumerate() {
-        let wanted = seed.energy / chain_energy;
-        let limit = f64::from(max_chains);
-        // With the limit, energy is made up for: chains × energy is what the sample has.
-        let (wanted, energy) =
-            if wanted > limit { (limit, seed.energy / limit) } else { (wanted, chain_energy) };
-        sum += wanted;
+        let wanted = moving * seed.energy / chain_energy;
+        let limited = wanted.max(f64::from(fewest)).min(f64::from(most));
+        sum += limited;
         let chains = (sum.floor() - done) as u32;
         if chains > 0 {
+            let energy = chain_energy * (wanted / limited);
             batches.push(Batch { seed: index, first, chains, energy });
             done = sum.floor();
             first = first.wrapping_add(chains);

@@ -45,8 +45,6 @@ pub(super) struct Exchange<'e, 'a> {
     pub(super) receivers: &'e [Option<Receiver<'a>>],
     /// `K`.
     pub(super) hits: u32,
-    /// Largest offset of the pixel mutation, in columns and rows.
-    pub(super) window: u32,
 }
 
 /// A state of a chain.
@@ -106,30 +104,24 @@ impl Seed {
 const SAME_LIGHT: f32 = 1e-3;
 
 impl<'e, 'a> Exchange<'e, 'a> {
-    /// Runs a chain of `steps` mutations from `seed` that leaves `energy` at each of them. Each step's energy is split
-    /// between the state and the proposal by the probability of accepting it.
+    /// Runs a chain from `seed` that leaves `energy` at each of `moves`. Each step's energy is split between the state and the
+    /// proposal by the probability of accepting it.
     pub(super) fn run<S: Sampler>(
         &self,
         seed: &Seed,
-        steps: u32,
+        moves: &[Move],
         energy: f64,
         sampler: &mut S,
         deposits: &mut Vec<Deposit>,
     ) {
         let Some(mut state) = self.start(seed) else {
             // Not one of the exchange's states: rounding at an emitter's edge, or an emitter with holes. It stays.
-            let scale = (1.0 / seed.energy) as f32;
-            deposits.push(Deposit {
-                slot: seed.receiver / self.hits,
-                energy: energy * f64::from(steps),
-                diffuse: seed.diffuse * scale,
-                specular: seed.specular * scale,
-            });
+            deposits.push(self.stay(seed, energy * moves.len() as f64));
             return;
         };
         let mut resting = 0.0;
-        for _ in 0..steps {
-            let Some((proposal, acceptance)) = self.mutate(&state, sampler) else {
+        for next in moves {
+            let Some((proposal, acceptance)) = self.mutate(&state, next, sampler) else {
                 resting += energy;
                 continue;
             };
@@ -144,6 +136,17 @@ impl<'e, 'a> Exchange<'e, 'a> {
             }
         }
         self.deposit(&state, resting, deposits);
+    }
+
+    /// Energy left where a seed is.
+    pub(super) fn stay(&self, seed: &Seed, energy: f64) -> Deposit {
+        let scale = (1.0 / seed.energy) as f32;
+        Deposit {
+            slot: seed.receiver / self.hits,
+            energy,
+            diffuse: seed.diffuse * scale,
+            specular: seed.specular * scale,
+        }
     }
 
     fn deposit(&self, state: &State, energy: f64, deposits: &mut Vec<Deposit>) {
@@ -190,23 +193,22 @@ impl<'e, 'a> Exchange<'e, 'a> {
     }
 
     /// A mutated state and the probability of accepting it; `None` where there is no light.
-    pub(super) fn mutate<S: Sampler>(&self, from: &State, sampler: &mut S) -> Option<(State, f64)> {
-        let kind = sampler.next_1d();
-        let [pixel, direction, both] = MUTATIONS;
-        if kind < pixel {
-            self.mutate_pixel(from, sampler)
-        } else if kind < direction {
-            self.mutate_direction(from, sampler)
-        } else if kind < both {
-            self.mutate_both(from, sampler)
-        } else {
-            self.mutate_independently(from, sampler)
+    pub(super) fn mutate<S: Sampler>(
+        &self,
+        from: &State,
+        next: &Move,
+        sampler: &mut S,
+    ) -> Option<(State, f64)> {
+        match next.kind {
+            Mutation::Pixel => self.mutate_pixel(from, next),
+            Mutation::Direction => self.mutate_direction(from, sampler),
+            Mutation::Both => self.mutate_both(from, next, sampler),
+            Mutation::Independence => self.mutate_independently(from, sampler),
         }
     }
 
-    fn mutate_pixel<S: Sampler>(&self, from: &State, sampler: &mut S) -> Option<(State, f64)> {
-        let receiver = self.other_receiver(from, sampler)?;
-        let to = self.state(receiver, from.light)?;
+    fn mutate_pixel(&self, from: &State, next: &Move) -> Option<(State, f64)> {
+        let to = self.state(self.other_receiver(from, next)?, from.light)?;
         let own_measure =
             |state: &State| state.target * state.light.solid_angle(state.direction, state.distance);
         Some((to, accept(own_measure(&to), own_measure(from))))
@@ -220,8 +222,13 @@ impl<'e, 'a> Exchange<'e, 'a> {
         is_possible.then(|| (to, accept(to.target, from.target)))
     }
 
-    fn mutate_both<S: Sampler>(&self, from: &State, sampler: &mut S) -> Option<(State, f64)> {
-        let index = self.other_receiver(from, sampler)?;
+    fn mutate_both<S: Sampler>(
+        &self,
+        from: &State,
+        next: &Move,
+        sampler: &mut S,
+    ) -> Option<(State, f64)> {
+        let index = self.other_receiver(from, next)?;
         let receiver = self.receivers[index as usize].as_ref()?;
         let carried = from.light.seen_from(receiver.at.position).0;
         let direction = jump(carried, sampler.next_2d());
@@ -259,19 +266,56 @@ impl<'e, 'a> Exchange<'e, 'a> {
         Some((to, accept(to.target * pdf(from), from.target * pdf(&to))))
     }
 
-    /// A receiver of another marked pixel in the window around a state's; `None` where the window reaches out of the marks,
-    /// or where the receiver is missing.
-    fn other_receiver<S: Sampler>(&self, from: &State, sampler: &mut S) -> Option<u32> {
-        let side = 2 * self.window + 1;
-        // The places of the window but its middle.
+    /// The receiver of another marked pixel that a move leads to; `None` where it leads out of the marks, or where the
+    /// receiver is missing.
+    fn other_receiver(&self, from: &State, next: &Move) -> Option<u32> {
+        let pixel = self.pixels[(from.receiver / self.hits) as usize];
+        let slot = self.marks.neighbour(pixel, next.offset)?;
+        let receiver = slot as u32 * self.hits + (from.receiver % self.hits + next.hit) % self.hits;
+        self.receivers[receiver as usize].as_ref().map(|_| receiver)
+    }
+}
+
+/// Which part of a state is changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Mutation {
+    Pixel,
+    Direction,
+    Both,
+    Independence,
+}
+
+/// What a step of many chains has in common. Were the offset drawn for each chain, the number of chains that arrive at a
+/// pixel would be random, and its noise that of counting; so each pixel sends to one neighbour and receives from one. A
+/// single chain cannot tell the difference.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Move {
+    pub(super) kind: Mutation,
+    /// Columns and rows to another pixel, in a square window without its middle.
+    pub(super) offset: [i32; 2],
+    /// Added to the number of the hit, modulo the number of hits.
+    pub(super) hit: u32,
+}
+
+impl Move {
+    /// A move of at most `window` columns and rows, among `hits` hits.
+    pub(super) fn sample<S: Sampler>(window: u32, hits: u32, sampler: &mut S) -> Self {
+        let choice = sampler.next_1d();
+        let [pixel, direction, both] = MUTATIONS;
+        let kind = if choice < pixel {
+            Mutation::Pixel
+        } else if choice < direction {
+            Mutation::Direction
+        } else if choice < both {
+            Mutation::Both
+        } else {
+            Mutation::Independence
+        };
+        let side = 2 * window + 1;
         let place = index_below(side * side - 1, sampler.next_1d());
         let place = if place >= side * side / 2 { place + 1 } else { place };
-        let offset = [place % side, place / side].map(|at| at as i32 - self.window as i32);
-        let pixel = self.pixels[(from.receiver / self.hits) as usize];
-        let hit = index_below(self.hits, sampler.next_1d());
-        let slot = self.marks.neighbour(pixel, offset)?;
-        let receiver = slot as u32 * self.hits + hit;
-        self.receivers[receiver as usize].as_ref().map(|_| receiver)
+        let offset = [place % side, place / side].map(|at| at as i32 - window as i32);
+        Self { kind, offset, hit: index_below(hits, sampler.next_1d()) }
     }
 }
 
