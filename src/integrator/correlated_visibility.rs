@@ -156,6 +156,8 @@ pub struct VisibilityRendering<'a> {
     lights: Lights<'a>,
     /// Those of the pilot; of the last round where the samples themselves are marked.
     marks: Option<Marks>,
+    /// Unshadowed luminance of each pixel, as the pilot saw it.
+    brightness: Vec<f64>,
     sums: Vec<PixelSums>,
     hits: u32,
     rounds: u32,
@@ -185,6 +187,7 @@ impl<'a> VisibilityRendering<'a> {
             half,
             lights: Lights::new(scene),
             marks: None,
+            brightness: Vec::new(),
             sums: vec![PixelSums::default(); columns as usize * rows as usize],
             hits: 0,
             rounds: 0,
@@ -296,32 +299,34 @@ impl<'a> VisibilityRendering<'a> {
     fn pilot(&mut self) -> Marks {
         let [columns, rows] = self.size();
         let this = &*self;
-        let seen: Vec<(Seen, u64)> = (0..rows)
+        let seen: Vec<Look> = (0..rows)
             .into_par_iter()
             .flat_map_iter(|row| {
                 let mut resampler = Resampler::default();
                 this.film_pixels(row).map(move |pixel| this.look(pixel, &mut resampler))
             })
             .collect();
-        self.ledger.pilot_rays += seen.iter().map(|(_, rays)| rays).sum::<u64>();
-        Marks::new([columns, rows], self.settings.dilation, |pixel| seen[pixel].0.is_partial())
+        self.ledger.pilot_rays += seen.iter().map(|look| look.rays).sum::<u64>();
+        self.brightness = seen.iter().map(|look| look.brightness).collect();
+        Marks::new([columns, rows], self.settings.dilation, |pixel| seen[pixel].seen.is_partial())
     }
 
-    /// What the pilot sees at one pixel, and its shadow rays.
-    fn look(&self, pixel: [u32; 2], resampler: &mut Resampler) -> (Seen, u64) {
-        let (mut seen, mut rays, mut found) = (Seen::default(), 0, Vec::new());
+    /// What the pilot sees at one pixel.
+    fn look(&self, pixel: [u32; 2], resampler: &mut Resampler) -> Look {
+        let (mut look, mut found) = (Look::default(), Vec::new());
         for ray in 0..self.settings.pilot_hits {
             let mut numbers = self.sampler(Stream::PilotGather, pixel, ray);
             let mut walk = self.sampler(Stream::PilotWalk, pixel, ray);
             self.trace(pixel, &mut walk, |receiver| {
                 let gathered = self.gather(resampler, &receiver, &mut numbers, &mut found);
-                seen.visible += gathered.visible;
-                seen.of += gathered.chosen;
-                rays += u64::from(gathered.shadow_rays);
+                look.seen.visible += gathered.visible;
+                look.seen.of += gathered.chosen;
+                look.brightness += gathered.unshadowed;
+                look.rays += u64::from(gathered.shadow_rays);
                 ControlFlow::Break(())
             });
         }
-        (seen, rays)
+        look
     }
 
     /// The camera ray with these numbers, followed without direct light.
@@ -447,12 +452,19 @@ impl<'a> VisibilityRendering<'a> {
             })
             .collect();
         let pixels: Vec<u32> = marks.pixels().map(|pixel| pixel as u32).collect();
+        let brightness: Vec<f64> = match self.settings.marks {
+            MarkSource::Pilot => {
+                pixels.iter().map(|&pixel| self.brightness[pixel as usize]).collect()
+            }
+            MarkSource::Same => Vec::new(),
+        };
         let exchange = Exchange {
             scene: self.scene,
             lights: &self.lights,
             marks,
             pixels: &pixels,
             receivers,
+            brightness: &brightness,
             hits,
         };
         let (mut sums, mut deposited) = (std::mem::take(&mut self.sums), 0.0);
@@ -502,6 +514,15 @@ impl<'a> VisibilityRendering<'a> {
 
 /// Samples whose chains run before their deposits are added up: some ten megabytes of deposits.
 const WAVE: usize = 1 << 13;
+
+/// What the pilot found at one pixel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Look {
+    seen: Seen,
+    /// Sum of unshadowed luminances.
+    brightness: f64,
+    rays: u64,
+}
 
 /// What the first pass found in one row of pixels.
 #[derive(Default)]

@@ -31,8 +31,9 @@ const SMALLEST_JUMP: f64 = 8.727e-4;
 /// Largest jump, radians: five degrees, about the width of a lamp or a window; wider ones are for independent proposals.
 const LARGEST_JUMP: f64 = 0.087_27;
 
-/// Cumulative probabilities of the pixel, direction and both mutations; the rest are independent.
-const MUTATIONS: [f32; 3] = [0.4, 0.7, 0.9];
+/// Cumulative probabilities of the pixel, direction and both mutations; the rest are independent. Only the first and the third
+/// take luminance from pixel to pixel, so in short chains the others do little but mix colours.
+const MUTATIONS: [f32; 3] = [0.7, 0.8, 0.95];
 
 /// Everything that a mutation needs to know.
 pub(super) struct Exchange<'e, 'a> {
@@ -43,6 +44,8 @@ pub(super) struct Exchange<'e, 'a> {
     pub(super) pixels: &'e [u32],
     /// `K` hits of each marked pixel; `None` where the camera ray met no receiver.
     pub(super) receivers: &'e [Option<Receiver<'a>>],
+    /// Unshadowed luminance of each marked pixel as the pilot saw it; empty without one.
+    pub(super) brightness: &'e [f64],
     /// `K`.
     pub(super) hits: u32,
 }
@@ -211,7 +214,7 @@ impl<'e, 'a> Exchange<'e, 'a> {
         let to = self.state(self.other_receiver(from, next)?, from.light)?;
         let own_measure =
             |state: &State| state.target * state.light.solid_angle(state.direction, state.distance);
-        Some((to, accept(own_measure(&to), own_measure(from))))
+        Some((to, self.affinity(from, &to) * accept(own_measure(&to), own_measure(from))))
     }
 
     fn mutate_direction<S: Sampler>(&self, from: &State, sampler: &mut S) -> Option<(State, f64)> {
@@ -238,7 +241,18 @@ impl<'e, 'a> Exchange<'e, 'a> {
         // Densities are per steradian at the receiver that the jump arrives at, and so are the targets.
         let forward = jump_pdf(carried, to.direction);
         let backward = jump_pdf(carried_back, from.direction);
-        (forward > 0.0).then(|| (to, accept(to.target * backward, from.target * forward)))
+        let acceptance = accept(to.target * backward, from.target * forward);
+        (forward > 0.0).then(|| (to, self.affinity(from, &to) * acceptance))
+    }
+
+    /// Further factor of the probability of moving between two pixels, the same both ways, which keeps the balance: the square
+    /// of the ratio of the darker to the brighter. A pixel with a highlight sends few samples of all its other light, each
+    /// with the energy of the highlight; a darker neighbour that gave its own samples away would be left with those.
+    fn affinity(&self, from: &State, to: &State) -> f64 {
+        let brightness = |state: &State| self.brightness.get((state.receiver / self.hits) as usize);
+        let (Some(&a), Some(&b)) = (brightness(from), brightness(to)) else { return 1.0 };
+        // Where the pilot found no light at all nothing is known.
+        if a.max(b) > 0.0 { (a.min(b) / a.max(b)).powi(2) } else { 1.0 }
     }
 
     fn mutate_independently<S: Sampler>(
