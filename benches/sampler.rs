@@ -5,7 +5,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DMat3, Vec2, Vec3};
-use quietlight::emitter::{Emitter, Emitters, Environment, EnvironmentMap};
+use quietlight::emitter::{BoundingSphere, Emitter, Emitters, Environment, EnvironmentMap};
 use quietlight::geometry::{Mesh, Part};
 use quietlight::math::Rgb;
 use quietlight::sampler::{IndependentSampler, Sampler, SobolSampler};
@@ -60,7 +60,8 @@ fn emitters(criterion: &mut Criterion) {
         ("sphere", area(sphere)),
         ("map of 512 × 256", Emitter::Environment(Environment::from(map))),
     ] {
-        let emitters = Emitters::new(vec![emitter], 10.0);
+        let emitters =
+            Emitters::new(vec![emitter], BoundingSphere { center: Vec3::ZERO, radius: 10.0 });
         let mut sampler = IndependentSampler::new(1, 2, 3);
         group.bench_function(name, |bencher| {
             bencher.iter(|| {

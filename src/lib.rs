@@ -7,8 +7,9 @@
 //! adds up what was found. Its layers then go to image space, the crate `quietlight_denoise`.
 //!
 //! Each module uses only what stands to its left:
-//! `math ← sampler, geometry, texture ← bsdf, emitter ← scene ← transport ← integrator ← film, render ← dataset ← cli`. A `bsdf` never sees a
-//! scene or a sampler, a `scene` never sees an integrator or a film, and only `cli` prints.
+//! `math ← sampler, geometry, texture ← bsdf, emitter ← scene ← transport ← integrator ← film, render ← dataset ← cli`; Markov chains in
+//! general ([`mcmc`]) stand right of `sampler`. A `bsdf` never sees a scene or a sampler, a `scene` never sees an integrator
+//! or a film, and only `cli` prints.
 //!
 //! Deliberately absent: participating media, spectra, hair, motion. A scene that needs them is refused.
 
@@ -20,6 +21,7 @@ pub mod film;
 pub mod geometry;
 pub mod integrator;
 pub mod math;
+pub mod mcmc;
 pub mod render;
 pub mod sampler;
 pub mod scene;

@@ -7,7 +7,7 @@ use quietlight::dataset::merge::merge;
 use quietlight::dataset::{
     Error, Job, Manifest, Outcome, Record, Settings, Shard, View, contact_sheet,
 };
-use quietlight::render::{RenderSettings, render};
+use quietlight::render::{Budget, RenderSettings, render};
 use quietlight::scene::{LoadOptions, Scene};
 use quietlight_denoise::picture::read_picture;
 use quietlight_denoise::{LayerKind, exr};
@@ -242,7 +242,11 @@ fn a_view_is_the_window_of_the_whole_frame_of_its_scene() {
         assert_eq!([scene.film.width, scene.film.height], view.film);
         assert_eq!(scene.film.crop, [0, 0, view.film[0], view.film[1]]);
         let noisy = &view.noisy[1];
-        let whole = RenderSettings { samples: noisy.spp, seed: noisy.seed, ..Default::default() };
+        let whole = RenderSettings {
+            budget: Budget::Samples(noisy.spp),
+            seed: noisy.seed,
+            ..Default::default()
+        };
         let whole = render(&scene, &whole, &|_| {}, &AtomicBool::new(false)).layers;
         let file = exr::read(&View::folder(folder.path(), id).join(&noisy.file)).expect("an EXR");
         let [x, y, width, height] = view.crop;

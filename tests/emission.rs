@@ -3,9 +3,11 @@
 mod analytic;
 mod density;
 mod extremes;
+mod places;
+mod walks;
 
 use glam::{Vec2, Vec3};
-use quietlight::emitter::{Emitter, EmitterId, Emitters};
+use quietlight::emitter::{BoundingSphere, Emitter, EmitterId, Emitters};
 use quietlight::geometry::{Geometry, Interaction, Mesh, Part, Ray};
 use quietlight::math::Rgb;
 use quietlight::texture::Texture;
@@ -17,7 +19,7 @@ fn area(part: Part, colour: Rgb) -> Emitter {
 
 /// Emitters with a scene sphere of radius 10 around the origin.
 fn emitters(list: Vec<Emitter>) -> Emitters {
-    Emitters::new(list, 10.0)
+    Emitters::new(list, BoundingSphere { center: Vec3::ZERO, radius: 10.0 })
 }
 
 /// A quadrilateral of two triangles, its normal by the right hand.

@@ -1,13 +1,16 @@
 //! Laws of the whole system, in one binary: one link, and one place for what they share.
 
 mod analytic;
+mod bidirectional;
 mod buffers;
 mod cli;
 mod dataset;
+mod delta;
 mod determinism;
 mod emission;
 mod equal_energy;
 mod extremes;
+mod markov;
 mod rays;
 mod sampling;
 mod scene;

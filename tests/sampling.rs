@@ -129,7 +129,7 @@ fn directions(model: &Model) -> Vec<Vec3> {
 
 /// A smooth sample; `None` where the light was absorbed or took a delta lobe.
 fn smooth(sample: Option<BsdfSample>) -> Option<BsdfSample> {
-    sample.filter(|sample| !sample.is_delta)
+    sample.filter(|sample| !sample.is_delta())
 }
 
 fn draw(bsdf: &Bsdf<'_>, wo: Vec3, random: &mut Random) -> Option<BsdfSample> {
@@ -275,7 +275,7 @@ fn reflected_energy(model: &Model, wo: Vec3) -> f64 {
     // The models here have at most two delta lobes, one at either end of the lobe number.
     let ends = [0.0, 1.0 - f32::EPSILON].map(|lobe| model.bsdf.sample(wo, lobe, Vec2::splat(0.5)));
     let mut deltas: Vec<BsdfSample> = Vec::new();
-    for sample in ends.into_iter().flatten().filter(|sample| sample.is_delta) {
+    for sample in ends.into_iter().flatten().filter(|sample| sample.is_delta()) {
         if deltas.iter().all(|known| known.wi != sample.wi) {
             deltas.push(sample);
         }
@@ -383,7 +383,7 @@ fn delta_lobes_can_be_walked_backwards() {
             for lobe in [0.0, 0.999_999] {
                 let Some(there) = bsdf.sample(wo, lobe, Vec2::ZERO) else { continue };
                 let back = bsdf.sample(there.wi, lobe, Vec2::ZERO).expect("the way back exists");
-                assert!(there.is_delta && back.is_delta);
+                assert!(there.is_delta() && back.is_delta());
                 // Refraction into the denser medium squeezes cosines by up to η² / cos.
                 let tolerance = 1e-6 / wo.z.abs().min(there.wi.z.abs());
                 assert!((back.wi - wo).length() < tolerance, "{bsdf:?} {wo}");

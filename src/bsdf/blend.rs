@@ -1,6 +1,6 @@
 //! Two models side by side.
 
-use super::{Bsdf, BsdfEval, BsdfSample};
+use super::{Bsdf, BsdfEval, BsdfSample, DeltaEval, DeltaLobe};
 use crate::math::Rgb;
 use glam::{Vec2, Vec3};
 
@@ -39,17 +39,38 @@ impl<'a> Blend<'a> {
     pub(super) fn sample(&self, wo: Vec3, lobe: f32, u: Vec2) -> Option<BsdfSample> {
         // The models are chosen with their weights; what is left of `lobe` is uniform again.
         let first = 1.0 - self.weight;
-        let (model, probability, lobe) = if lobe < first {
+        let is_first = lobe < first;
+        let (model, probability, lobe) = if is_first {
             (&self.models[0], first, lobe / first)
         } else {
             (&self.models[1], self.weight, (lobe - first) / self.weight)
         };
         let sample = model.sample(wo, lobe.min(1.0 - f32::EPSILON / 2.0), u)?;
-        if sample.is_delta {
+        if let Some(delta) = sample.delta {
+            let leaf = if is_first {
+                delta.leaf
+            } else {
+                self.models[0].leaves().saturating_add(delta.leaf)
+            };
+            let delta = Some(DeltaLobe { leaf, ..delta });
             // Weight and probability of the model cancel in the weight of the sample.
-            return Some(BsdfSample { pdf: sample.pdf * probability, ..sample });
+            return Some(BsdfSample { pdf: sample.pdf * probability, delta, ..sample });
         }
         self.eval(wo, sample.wi).sampled(sample.wi, sample.eta)
+    }
+
+    pub(super) fn delta(&self, wo: Vec3, lobe: DeltaLobe) -> Option<DeltaEval> {
+        let (model, share, leaf) = match lobe.leaf.checked_sub(self.models[0].leaves()) {
+            None => (&self.models[0], 1.0 - self.weight, lobe.leaf),
+            Some(leaf) => (&self.models[1], self.weight, leaf),
+        };
+        let part = model.delta(wo, DeltaLobe { leaf, ..lobe })?;
+        DeltaEval::new(part.wi, part.reflectance * share, part.probability * share, part.eta)
+    }
+
+    pub(super) fn leaves(&self) -> u8 {
+        let [first, second] = self.models.each_ref().map(Bsdf::leaves);
+        first.saturating_add(second)
     }
 
     pub(super) fn has_smooth(&self) -> bool {

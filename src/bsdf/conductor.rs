@@ -1,7 +1,8 @@
 //! Metals: smooth mirrors and rough ones.
 
+use super::delta::mirrored;
 use super::microfacet::{Distribution, Microfacets};
-use super::{Bsdf, BsdfEval, BsdfSample, fresnel};
+use super::{Bsdf, BsdfEval, BsdfSample, DeltaEval, DeltaKind, fresnel};
 use crate::math::Rgb;
 use glam::{Vec2, Vec3};
 
@@ -37,8 +38,18 @@ pub struct Conductor {
 
 impl Conductor {
     pub(super) fn sample(&self, wo: Vec3) -> Option<BsdfSample> {
-        let wi = Vec3::new(-wo.x, -wo.y, wo.z);
-        (wo.z > 0.0).then(|| BsdfSample::delta(wi, self.metal.reflectance(wo.z), 1.0, 1.0))
+        let found = self.delta(wo, DeltaKind::Reflection)?;
+        Some(BsdfSample::delta(DeltaKind::Reflection, found.wi, found.reflectance, 1.0, 1.0))
+    }
+
+    pub(super) fn delta(&self, wo: Vec3, kind: DeltaKind) -> Option<DeltaEval> {
+        let exists = kind == DeltaKind::Reflection && wo.z > 0.0;
+        exists.then(|| DeltaEval {
+            wi: mirrored(wo),
+            reflectance: self.metal.reflectance(wo.z),
+            probability: 1.0,
+            eta: 1.0,
+        })
     }
 }
 

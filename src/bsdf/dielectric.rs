@@ -2,8 +2,9 @@
 //!
 //! `eta` is the index below the surface over that above it; the sign of `wo.z` says where the walk is.
 
+use super::delta::mirrored;
 use super::microfacet::{Distribution, Microfacets};
-use super::{Bsdf, BsdfEval, BsdfSample, fresnel};
+use super::{Bsdf, BsdfEval, BsdfSample, DeltaEval, DeltaKind, fresnel};
 use crate::math::Rgb;
 use glam::{Vec2, Vec3};
 
@@ -31,7 +32,7 @@ impl Glass {
 
     /// Straight through.
     fn passed(&self, wo: Vec3) -> BsdfSample {
-        BsdfSample::delta(-wo, self.transmittance, 1.0, 1.0)
+        BsdfSample::delta(DeltaKind::Pass, -wo, self.transmittance, 1.0, 1.0)
     }
 }
 
@@ -55,18 +56,55 @@ impl Dielectric {
         let interface = fresnel::dielectric(wo.z.abs().min(1.0), eta);
         // The light is reflected with the probability of its reflectance, so that only the tints remain as weights.
         if lobe < interface.reflectance {
-            let wi = Vec3::new(-wo.x, -wo.y, wo.z);
-            return Some(BsdfSample::delta(wi, glass.reflectance, interface.reflectance, 1.0));
+            let probability = interface.reflectance;
+            let kind = DeltaKind::Reflection;
+            return Some(BsdfSample::delta(
+                kind,
+                mirrored(wo),
+                glass.reflectance,
+                probability,
+                1.0,
+            ));
         }
-        let wi = Vec3::new(-wo.x / eta, -wo.y / eta, -interface.cos_refracted.copysign(wo.z))
-            .normalize();
         Some(BsdfSample::delta(
-            wi,
+            DeltaKind::Refraction,
+            refracted(wo, eta, interface.cos_refracted),
             glass.transmittance / (eta * eta),
             1.0 - interface.reflectance,
             eta,
         ))
     }
+
+    pub(super) fn delta(&self, wo: Vec3, kind: DeltaKind) -> Option<DeltaEval> {
+        let glass = &self.glass;
+        if glass.is_matched() {
+            let passed = DeltaEval::new(-wo, glass.transmittance, 1.0, 1.0);
+            return passed.filter(|_| kind == DeltaKind::Pass);
+        }
+        if wo.z == 0.0 {
+            return None;
+        }
+        let eta = glass.eta_beyond(wo);
+        let interface = fresnel::dielectric(wo.z.abs().min(1.0), eta);
+        match kind {
+            DeltaKind::Reflection => {
+                let reflected = interface.reflectance;
+                DeltaEval::new(mirrored(wo), glass.reflectance * reflected, reflected, 1.0)
+            }
+            DeltaKind::Refraction => {
+                let probability = 1.0 - interface.reflectance;
+                let reflectance = glass.transmittance * (probability / (eta * eta));
+                let wi = refracted(wo, eta, interface.cos_refracted);
+                DeltaEval::new(wi, reflectance, probability, eta)
+            }
+            DeltaKind::Pass => None,
+        }
+    }
+}
+
+/// Where `wo` continues behind a smooth boundary; `eta` and `cos_refracted` as in [`fresnel::refract`].
+fn refracted(wo: Vec3, eta: f32, cos_refracted: f32) -> Vec3 {
+    Vec3::new(-wo.x / eta, -wo.y / eta, -cos_refracted.copysign(wo.z)).normalize()
 }
 
 /// A rough boundary (Walter et al. 2007, equations 20 and 21).
@@ -153,14 +191,33 @@ pub struct ThinDielectric {
 impl ThinDielectric {
     pub(super) fn sample(&self, wo: Vec3, lobe: f32) -> Option<BsdfSample> {
         let glass = &self.glass;
-        let once = fresnel::dielectric(wo.z.abs().min(1.0), glass.eta).reflectance;
-        // F + (1-F)² F + (1-F)² F³ + ...
-        let reflectance = 2.0 * once / (1.0 + once);
-        Some(if lobe < reflectance {
-            BsdfSample::delta(Vec3::new(-wo.x, -wo.y, wo.z), glass.reflectance, reflectance, 1.0)
+        let reflected = self.reflected(wo);
+        Some(if lobe < reflected {
+            let kind = DeltaKind::Reflection;
+            BsdfSample::delta(kind, mirrored(wo), glass.reflectance, reflected, 1.0)
         } else {
-            BsdfSample::delta(-wo, glass.transmittance, 1.0 - reflectance, 1.0)
+            BsdfSample::delta(DeltaKind::Pass, -wo, glass.transmittance, 1.0 - reflected, 1.0)
         })
+    }
+
+    pub(super) fn delta(&self, wo: Vec3, kind: DeltaKind) -> Option<DeltaEval> {
+        let glass = &self.glass;
+        let reflected = self.reflected(wo);
+        let passed = 1.0 - reflected;
+        match kind {
+            DeltaKind::Reflection => {
+                DeltaEval::new(mirrored(wo), glass.reflectance * reflected, reflected, 1.0)
+            }
+            DeltaKind::Pass => DeltaEval::new(-wo, glass.transmittance * passed, passed, 1.0),
+            DeltaKind::Refraction => None,
+        }
+    }
+
+    /// Part of the light that is reflected, by the front and from inside.
+    fn reflected(&self, wo: Vec3) -> f32 {
+        let once = fresnel::dielectric(wo.z.abs().min(1.0), self.glass.eta).reflectance;
+        // F + (1-F)² F + (1-F)² F³ + ...
+        2.0 * once / (1.0 + once)
     }
 }
 
@@ -220,7 +277,7 @@ mod tests {
             ] {
                 let through = bsdf.sample(wo, 0.0, Vec2::ZERO).unwrap();
                 assert_eq!((through.wi, through.specular, through.pdf), (-wo, Rgb::WHITE, 1.0));
-                assert!(through.is_delta && !bsdf.has_smooth());
+                assert!(through.is_delta() && !bsdf.has_smooth());
             }
         }
     }

@@ -11,6 +11,7 @@
 mod beckmann;
 mod blend;
 mod conductor;
+mod delta;
 mod dielectric;
 mod diffuse;
 pub mod fresnel;
@@ -22,6 +23,7 @@ mod plastic;
 
 pub use blend::Blend;
 pub use conductor::{Conductor, Metal, RoughConductor};
+pub use delta::{DeltaEval, DeltaKind, DeltaLobe};
 pub use dielectric::{Dielectric, Glass, RoughDielectric, ThinDielectric};
 pub use diffuse::Diffuse;
 pub use microfacet::Distribution;
@@ -50,7 +52,7 @@ impl BsdfEval {
             diffuse: self.diffuse / self.pdf,
             specular: self.specular / self.pdf,
             pdf: self.pdf,
-            is_delta: false,
+            delta: None,
             eta,
         })
     }
@@ -67,15 +69,21 @@ pub struct BsdfSample {
     pub specular: Rgb,
     /// Density of `wi` per steradian, of the whole smooth mixture; the discrete probability of the lobe for delta lobes.
     pub pdf: f32,
-    /// Did a delta lobe scatter?
-    pub is_delta: bool,
+    /// The delta lobe that scattered, if one did.
+    pub delta: Option<DeltaLobe>,
     /// Refractive index of the medium that `wi` lies in over that of `wo`: 1 unless the light was refracted.
     pub eta: f32,
 }
 
 impl BsdfSample {
-    fn delta(wi: Vec3, specular: Rgb, pdf: f32, eta: f32) -> Self {
-        Self { wi, diffuse: Rgb::BLACK, specular, pdf, is_delta: true, eta }
+    fn delta(kind: DeltaKind, wi: Vec3, specular: Rgb, pdf: f32, eta: f32) -> Self {
+        Self { wi, diffuse: Rgb::BLACK, specular, pdf, delta: Some(kind.into()), eta }
+    }
+
+    /// Did a delta lobe scatter?
+    #[inline]
+    pub fn is_delta(&self) -> bool {
+        self.delta.is_some()
     }
 }
 
@@ -175,7 +183,7 @@ impl<'a> Bsdf<'a> {
     /// Weights are those of radiance: a refraction multiplies by `(n_o / n_i)²`.
     pub fn sample(&self, wo: Vec3, lobe: f32, u: Vec2) -> Option<BsdfSample> {
         match self {
-            Self::Null => Some(BsdfSample::delta(-wo, Rgb::WHITE, 1.0, 1.0)),
+            Self::Null => Some(BsdfSample::delta(DeltaKind::Pass, -wo, Rgb::WHITE, 1.0, 1.0)),
             Self::Diffuse(model) => model.sample(wo, u),
             Self::Conductor(model) => model.sample(wo),
             Self::RoughConductor(model) => model.sample(wo, u),
@@ -185,6 +193,37 @@ impl<'a> Bsdf<'a> {
             Self::Plastic(model) => model.sample(wo, lobe, u),
             Self::RoughPlastic(model) => model.sample(wo, lobe, u),
             Self::Blend(model) => model.sample(wo, lobe, u),
+        }
+    }
+
+    /// Follows one delta lobe: what [`Bsdf::sample`] would return had it chosen that lobe, the weight times its probability
+    /// instead of the weight. `None` where the lobe does not exist: in total reflection, on the wrong side, in another model.
+    pub fn delta(&self, wo: Vec3, lobe: DeltaLobe) -> Option<DeltaEval> {
+        match self {
+            Self::Blend(model) => model.delta(wo, lobe),
+            _ if lobe.leaf != 0 => None,
+            Self::Null => (lobe.kind == DeltaKind::Pass).then_some(DeltaEval {
+                wi: -wo,
+                reflectance: Rgb::WHITE,
+                probability: 1.0,
+                eta: 1.0,
+            }),
+            Self::Conductor(model) => model.delta(wo, lobe.kind),
+            Self::Dielectric(model) => model.delta(wo, lobe.kind),
+            Self::ThinDielectric(model) => model.delta(wo, lobe.kind),
+            Self::Plastic(model) => model.delta(wo, lobe.kind),
+            Self::Diffuse(_)
+            | Self::RoughConductor(_)
+            | Self::RoughDielectric(_)
+            | Self::RoughPlastic(_) => None,
+        }
+    }
+
+    /// How many models are mixed.
+    fn leaves(&self) -> u8 {
+        match self {
+            Self::Blend(model) => model.leaves(),
+            _ => 1,
         }
     }
 

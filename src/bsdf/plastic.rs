@@ -6,8 +6,9 @@
 //! colours do not shift (the model of Mitsuba's `plastic`).
 
 use super::conductor::reflection;
+use super::delta::mirrored;
 use super::microfacet::{Distribution, Microfacets};
-use super::{Bsdf, BsdfEval, BsdfSample, fresnel};
+use super::{Bsdf, BsdfEval, BsdfSample, DeltaEval, DeltaKind, fresnel};
 use crate::math::Rgb;
 use crate::math::warp::{cosine_hemisphere_pdf, square_to_cosine_hemisphere};
 use glam::{Vec2, Vec3};
@@ -95,9 +96,9 @@ impl Plastic {
         let reflected = fresnel::dielectric(wo.z.min(1.0), self.coat.eta).reflectance;
         let probability = self.probability(reflected);
         if lobe < probability {
-            let wi = Vec3::new(-wo.x, -wo.y, wo.z);
             return Some(BsdfSample::delta(
-                wi,
+                DeltaKind::Reflection,
+                mirrored(wo),
                 self.specular * (reflected / probability),
                 probability,
                 1.0,
@@ -105,6 +106,14 @@ impl Plastic {
         }
         let wi = square_to_cosine_hemisphere(u);
         self.eval(wo, wi).sampled(wi, 1.0)
+    }
+
+    pub(super) fn delta(&self, wo: Vec3, kind: DeltaKind) -> Option<DeltaEval> {
+        if kind != DeltaKind::Reflection || wo.z <= 0.0 {
+            return None;
+        }
+        let reflected = fresnel::dielectric(wo.z.min(1.0), self.coat.eta).reflectance;
+        DeltaEval::new(mirrored(wo), self.specular * reflected, self.probability(reflected), 1.0)
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::dataset::Shard;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Renders a scene by Monte Carlo path tracing and takes the noise out.
 #[derive(Debug, Parser)]
@@ -67,9 +68,15 @@ pub(super) struct Render {
     /// EXR to write [default: the scene's name in the current folder]; a PNG is written beside it
     #[arg(short, long, value_name = "FILE.exr")]
     pub(super) output: Option<PathBuf>,
-    /// Samples per pixel, instead of the scene's
+    /// How light is found
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) integrator: Integrator,
+    /// Samples per pixel, instead of the scene's: paths, or mutations of Markov chains
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub(super) spp: Option<u32>,
+    /// Render for this long instead, such as 30s, 2.5m or 1h
+    #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "spp")]
+    pub(super) time: Option<Duration>,
     /// What takes the noise out
     #[arg(long, value_enum, default_value_t)]
     pub(super) denoiser: Denoiser,
@@ -84,7 +91,7 @@ pub(super) struct Render {
     /// Where random numbers come from
     #[arg(long, value_enum, default_value_t)]
     pub(super) sampler: Sampler,
-    /// How direct light is found
+    /// How path tracing finds direct light
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: Strategy,
     /// Also write the two independent halves of every layer
@@ -266,6 +273,21 @@ pub(super) enum Quality {
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Integrator {
+    /// The best for the scene, as `inspect` tells
+    #[default]
+    Auto,
+    /// Path tracing: walks from the camera
+    Path,
+    /// Bidirectional path tracing: walks from the camera and from emitters, joined in every way
+    Bdpt,
+    /// Metropolis sampling in primary sample space (Kelemen et al.)
+    Pssmlt,
+    /// Correlated visibility sampling of direct light, path tracing of all other light
+    Visibility,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum Sampler {
     /// Owen-scrambled Sobol points
     #[default]
@@ -291,6 +313,19 @@ fn denoiser() -> impl clap::builder::TypedValueParser<Value = Denoiser> {
 
     PossibleValuesParser::new(["auto", "bilateral", "bilateral-constant", "kpcn"])
         .try_map(|name| Denoiser::from_str(&name, false))
+}
+
+/// Reads a time with its unit; seconds where there is none.
+fn time(text: &str) -> Result<Duration, String> {
+    let units = [("ms", 1e-3), ("s", 1.0), ("m", 60.0), ("h", 3600.0)];
+    let (number, seconds) = units
+        .iter()
+        .find_map(|&(unit, seconds)| Some((text.strip_suffix(unit)?, seconds)))
+        .unwrap_or((text, 1.0));
+    let expected = || format!("expected a time such as 30s, 2.5m or 1h, not {text:?}");
+    let number: f64 = number.trim().parse().map_err(|_| expected())?;
+    let time = Duration::try_from_secs_f64(number * seconds).map_err(|_| expected())?;
+    if time.is_zero() { Err(expected()) } else { Ok(time) }
 }
 
 fn definition(text: &str) -> Result<(String, String), String> {

@@ -3,7 +3,7 @@
 use super::Failure;
 use super::render::thread_pool;
 use crate::integrator::{PathTracing, Strategy};
-use crate::render::{RenderSettings, render};
+use crate::render::{Budget, RenderSettings, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::{Context, anyhow, ensure};
 use quietlight_denoise::exr::{self, WriteOptions};
@@ -70,8 +70,9 @@ fn check(has_networks: bool) -> anyhow::Result<()> {
     std::fs::write(&file, FURNACE)?;
     let scene = Scene::load(&file, &LoadOptions::default())?;
     // Only by walking into the light: then every sample is a product of ones.
-    let integrator = PathTracing { strategy: Strategy::Bsdf };
-    let settings = RenderSettings { samples: 16, integrator, ..RenderSettings::default() };
+    let integrator = PathTracing { strategy: Strategy::Bsdf, ..PathTracing::default() }.into();
+    let budget = Budget::Samples(16);
+    let settings = RenderSettings { budget, integrator, ..RenderSettings::default() };
     let rendered = render(&scene, &settings, &|_| {}, &AtomicBool::new(false));
     ensure!(rendered.invalid_samples == 0, "{} samples were not finite", rendered.invalid_samples);
     let filtered =

@@ -1,16 +1,19 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
-use super::args::{Render, Sampler, SceneArguments, Strategy};
+use super::args::{self, Render, Sampler, SceneArguments, Strategy};
 use super::denoising::{Denoised, Denoising};
 use super::progress::{Progress, human};
 use super::{BadInput, Failure, replay};
-use crate::integrator::PathTracing;
-use crate::render::{RenderSettings, Rendered, SamplerKind, render};
+use crate::integrator::{
+    Bdpt, CorrelatedVisibility, Integrator, PathTracing, PrimaryPaths, Pssmlt,
+};
+use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
 use quietlight_denoise::{LayerKind, png};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -22,6 +25,12 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let scene = load(&arguments.scene)?;
     let settings = settings(arguments, &scene);
     if let Some([x, y, sample]) = arguments.replay {
+        if !settings.integrator.is_path() {
+            return Err(anyhow::anyhow!(
+                "only samples of path tracing can be replayed: --integrator path"
+            ))
+            .bad_input();
+        }
         return replay::run(&scene, &settings, [x, y], sample);
     }
     let output = output_path(arguments)?;
@@ -31,10 +40,19 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let denoiser = Denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
 
     let (width, height) = (scene.film.crop[2], scene.film.crop[3]);
-    let total = u64::from(width) * u64::from(height) * u64::from(settings.samples);
-    let progress = Progress::new("render", "samples", total);
-    let mut rendered =
-        threads.install(|| render(&scene, &settings, &|done| progress.at(done), &STOP));
+    let start = Instant::now();
+    let progress = match settings.budget {
+        Budget::Samples(samples) => {
+            let total = u64::from(width) * u64::from(height) * u64::from(samples);
+            Progress::new("render", "samples", total)
+        }
+        Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
+    };
+    let show = |done| match settings.budget {
+        Budget::Samples(_) => progress.at(done),
+        Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
+    };
+    let mut rendered = threads.install(|| render(&scene, &settings, &show, &STOP));
     progress.finish();
 
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
@@ -103,20 +121,37 @@ pub(super) fn load(arguments: &SceneArguments) -> Result<Scene, Failure> {
 }
 
 fn settings(arguments: &Render, scene: &Scene) -> RenderSettings {
-    let strategy = match arguments.strategy {
-        Strategy::Mis => crate::integrator::Strategy::Mis,
-        Strategy::Light => crate::integrator::Strategy::Light,
-        Strategy::Bsdf => crate::integrator::Strategy::Bsdf,
-    };
     RenderSettings {
-        samples: arguments.spp.unwrap_or(scene.samples),
+        budget: match arguments.time {
+            Some(time) => Budget::Time(time),
+            None => Budget::Samples(arguments.spp.unwrap_or(scene.samples)),
+        },
         seed: arguments.seed,
         sampler: match arguments.sampler {
             Sampler::Sobol => SamplerKind::Sobol,
             Sampler::Independent => SamplerKind::Independent,
         },
-        integrator: PathTracing { strategy },
+        integrator: integrator(arguments),
         ..RenderSettings::default()
+    }
+}
+
+/// The method asked for.
+fn integrator(arguments: &Render) -> Integrator {
+    let strategy = match arguments.strategy {
+        Strategy::Mis => crate::integrator::Strategy::Mis,
+        Strategy::Light => crate::integrator::Strategy::Light,
+        Strategy::Bsdf => crate::integrator::Strategy::Bsdf,
+    };
+    let path_tracing = PathTracing { strategy, ..PathTracing::default() };
+    match arguments.integrator {
+        args::Integrator::Auto | args::Integrator::Path => path_tracing.into(),
+        args::Integrator::Bdpt => Integrator::Bdpt(Bdpt::default()),
+        args::Integrator::Visibility => Integrator::Visibility(CorrelatedVisibility::default()),
+        args::Integrator::Pssmlt => Integrator::Pssmlt(Pssmlt {
+            paths: PrimaryPaths::Camera(path_tracing),
+            ..Pssmlt::default()
+        }),
     }
 }
 
@@ -190,8 +225,9 @@ fn describe(
 ) {
     let facts = [
         ("scene", arguments.scene.scene.display().to_string()),
-        ("integrator", "path".to_owned()),
-        ("strategy", format!("{:?}", settings.integrator.strategy)),
+        ("integrator", settings.integrator.name().to_owned()),
+        ("integrator_settings", settings.integrator.settings()),
+        ("strategy", format!("{:?}", settings.integrator.path_tracing().strategy)),
         ("sampler", format!("{:?}", settings.sampler)),
         ("seed", settings.seed.to_string()),
         ("samples", rendered.samples.to_string()),
@@ -201,6 +237,7 @@ fn describe(
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
     ];
     rendered.layers.metadata.extend(facts.map(|(name, value)| (name.to_owned(), value)));
+    rendered.layers.metadata.extend(rendered.report.facts.iter().cloned());
 }
 
 /// What the last line tells.
@@ -230,6 +267,12 @@ impl Outcome<'_> {
                 rendered.invalid_samples
             );
         }
+        for warning in &rendered.report.warnings {
+            eprintln!("warning: {warning}");
+        }
+        for (name, value) in &rendered.report.facts {
+            println!("{name}: {value}");
+        }
         let noise =
             noise.map_or("unknown with one sample".to_owned(), |noise| format!("{noise:.2e}"));
         let denoised = match (denoised, denoising) {
@@ -255,6 +298,7 @@ impl Outcome<'_> {
             "png": self.png,
             "width": self.rendered.layers.width,
             "height": self.rendered.layers.height,
+            "integrator": self.rendered.layers.metadata.get("integrator"),
             "samples": self.rendered.samples,
             "invalid_samples": self.rendered.invalid_samples,
             "render_seconds": self.rendered.elapsed.as_secs_f64(),
@@ -262,6 +306,8 @@ impl Outcome<'_> {
             "denoiser": self.denoised.map(Denoised::json),
             "samples_per_second": self.speed(),
             "estimated_noisy_relative_l2": self.noise,
+            "facts": self.rendered.report.facts.iter().cloned().collect::<BTreeMap<_, _>>(),
+            "warnings": self.rendered.report.warnings,
         });
         println!("{json:#}");
     }

@@ -11,7 +11,7 @@ use super::manifest::{
 };
 use super::seed::{Dice, Purpose, ViewSeed};
 use super::{Error, at, variation};
-use crate::render::{RenderSettings, Rendered, Rendering, render};
+use crate::render::{Budget, RenderSettings, Rendered, Rendering, render};
 use crate::scene::{LoadOptions, Scene};
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::sha256::sha256;
@@ -200,7 +200,7 @@ fn try_view(
     }
 
     let of = |samples, purpose| RenderSettings {
-        samples,
+        budget: Budget::Samples(samples),
         seed: seed.derive(purpose),
         ..RenderSettings::default()
     };
@@ -349,7 +349,7 @@ fn write(
         "view {} of {}, path tracing, {:?}, {:?}, seed {}, {} samples, {} invalid, version {}",
         identity.id,
         identity.scene_key,
-        settings.integrator.strategy,
+        settings.integrator.path_tracing().strategy,
         settings.sampler,
         settings.seed,
         rendered.samples,

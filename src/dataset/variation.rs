@@ -108,7 +108,7 @@ impl Variation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::{RenderSettings, render};
+    use crate::render::{Budget, RenderSettings, render};
     use glam::Vec3;
     use quietlight_denoise::{Image, LayerKind};
     use std::path::PathBuf;
@@ -127,7 +127,7 @@ mod tests {
 
     /// One sample a pixel.
     fn layer(scene: &Scene, kind: LayerKind) -> Image {
-        let settings = RenderSettings { samples: 1, ..RenderSettings::default() };
+        let settings = RenderSettings { budget: Budget::Samples(1), ..RenderSettings::default() };
         let rendered = render(scene, &settings, &|_| {}, &AtomicBool::new(false));
         rendered.layers.layers[&kind].mean.clone()
     }

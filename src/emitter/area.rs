@@ -4,8 +4,10 @@
 //! by the cone of directions to it, which is exact and never gives its far side.
 
 use super::{EmitterSample, mean};
+use crate::geometry::interaction::triangle_error;
 use crate::geometry::{Interaction, Mesh, Part};
 use crate::math::distribution::AliasTable;
+use crate::math::float::gamma;
 use crate::math::{Frame, Rgb, warp};
 use crate::texture::Texture;
 use glam::{Vec2, Vec3};
@@ -36,6 +38,8 @@ enum Shape {
         corner: Vec3,
         edges: [Vec3; 2],
         normal: Vec3,
+        /// How far the fourth corner is from where it is taken to be.
+        gap: f32,
     },
     Triangles {
         triangles: Vec<Triangle>,
@@ -72,11 +76,11 @@ struct Triangle {
 }
 
 /// A point chosen on an emitter.
-struct SurfacePoint {
-    position: Vec3,
+pub(super) struct SurfacePoint {
+    pub(super) position: Vec3,
     /// Unit, on the side that shines.
-    normal: Vec3,
-    uv: Vec2,
+    pub(super) normal: Vec3,
+    pub(super) uv: Vec2,
 }
 
 impl AreaEmitter {
@@ -159,6 +163,18 @@ impl AreaEmitter {
         })
     }
 
+    /// A point, uniform in area, and the bound of its rounding error; `triangle` chooses among triangles.
+    pub(super) fn sample_point(&self, triangle: f32, u: Vec2) -> Option<(SurfacePoint, Vec3)> {
+        let point = self.shape.sample(triangle, u)?;
+        let error = self.shape.error(triangle, point.position);
+        Some((point, error))
+    }
+
+    /// Density of [`AreaEmitter::sample_point`] per unit of area; 0 where there is nothing to sample.
+    pub(super) fn point_pdf(&self) -> f64 {
+        if self.area > 0.0 { 1.0 / self.area } else { 0.0 }
+    }
+
     /// Density, per steradian, with which [`AreaEmitter::sample`] from `from` gives the direction to `at`.
     #[inline]
     pub(super) fn pdf(&self, from: Vec3, at: &Interaction) -> f32 {
@@ -200,7 +216,7 @@ impl Shape {
     #[inline]
     fn sample(&self, triangle: f32, u: Vec2) -> Option<SurfacePoint> {
         Some(match self {
-            Self::Parallelogram { corner, edges, normal } => SurfacePoint {
+            Self::Parallelogram { corner, edges, normal, .. } => SurfacePoint {
                 position: *corner + edges[0] * u.x + edges[1] * u.y,
                 normal: *normal,
                 // Only radiance without a texture is sampled so.
@@ -245,6 +261,36 @@ impl Shape {
                 }
             }
         })
+    }
+}
+
+/// How many roundings of its size a point of a round shape is off: those of sine, cosine and root, and of two products and
+/// a sum. They were counted to 6.
+const ROUND_ROUNDINGS: u32 = 8;
+
+impl Shape {
+    /// Bound of the error of a point of [`Shape::sample`], per axis, for the same `triangle`. As that of an
+    /// [`Interaction`], it also holds what the test of rays that leave errs by.
+    fn error(&self, triangle: f32, position: Vec3) -> Vec3 {
+        let flat = |edges: [Vec3; 2]| {
+            let across = edges[0].as_dvec3().cross(edges[1].as_dvec3()).length() as f32;
+            let size = edges.iter().map(|edge| edge.abs().max_element()).fold(0.0, f32::max);
+            triangle_error(position, edges, size, across)
+        };
+        let round =
+            |size: f32| position.abs() * gamma(2) + Vec3::splat(size * gamma(ROUND_ROUNDINGS));
+        match self {
+            // One of the two triangles may have the diagonal for an edge.
+            Self::Parallelogram { edges: [a, b], gap, .. } => {
+                flat([*a, *b - *a]).max(flat([*b, *a + *b])) + Vec3::splat(*gap)
+            }
+            Self::Triangles { triangles, choice, .. } => choice
+                .as_ref()
+                .map_or(Vec3::ZERO, |choice| flat(triangles[choice.sample(triangle).index].edges)),
+            Self::Sphere { radius, .. } => round(*radius),
+            Self::Disk { axes, .. } => round(axes[0].length() + axes[1].length()),
+            Self::Cylinder { radius, length, .. } => round(*radius + *length),
+        }
     }
 }
 
@@ -324,11 +370,14 @@ fn mesh_shape(mesh: &Mesh, is_textured: bool) -> (Shape, f64) {
     let area = areas.iter().sum();
     if let [first, second] = corners[..]
         && !is_textured
-        && let Some([corner, p, q]) = parallelogram(first, second)
+        && let Some((corner, [p, q], gap)) = parallelogram(first, second)
         && triangles[0].normal.dot(triangles[1].normal) > 0.0
     {
         let normal = triangles[0].normal;
-        return (Shape::Parallelogram { corner, edges: [p - corner, q - corner], normal }, area);
+        return (
+            Shape::Parallelogram { corner, edges: [p - corner, q - corner], normal, gap },
+            area,
+        );
     }
     let uvs = if is_textured {
         // Without coordinates the barycentric weights of the second and third vertex serve.
@@ -368,8 +417,9 @@ pub(super) fn shining_normal(at: &Interaction) -> Vec3 {
     if at.normal.dot(at.shading_normal) < 0.0 { -at.normal } else { at.normal }
 }
 
-/// A corner of the parallelogram that two triangles make together, and its two neighbours; `None` when they make none.
-fn parallelogram(first: [Vec3; 3], second: [Vec3; 3]) -> Option<[Vec3; 3]> {
+/// A corner of the parallelogram that two triangles make together, its two neighbours, and how far the fourth corner is from
+/// where these put it; `None` when they make none.
+fn parallelogram(first: [Vec3; 3], second: [Vec3; 3]) -> Option<(Vec3, [Vec3; 2], f32)> {
     let apex = |of: [Vec3; 3], other: [Vec3; 3]| of.iter().position(|point| !other.contains(point));
     let (i, j) = (apex(first, second)?, apex(second, first)?);
     let (corner, opposite) = (first[i], second[j]);
@@ -383,5 +433,5 @@ fn parallelogram(first: [Vec3; 3], second: [Vec3; 3]) -> Option<[Vec3; 3]> {
         .into_iter()
         .fold(0.0, f32::max);
     let gap = (corner + opposite - p - q).abs().max_element();
-    (gap <= 8.0 * f32::EPSILON * size).then_some([corner, p, q])
+    (gap <= 8.0 * f32::EPSILON * size).then_some((corner, [p, q], gap))
 }

@@ -4,13 +4,20 @@
 //! it; [`Emitters::pdf`] and [`Emitters::environment_pdf`] are the density of just that, for directions found in another
 //! way. Densities are per steradian. An emitter that is black or has no area is never chosen, and its density is 0.
 //!
+//! Walks that begin at the light take a [`LightPoint`] from [`Emitters::sample_point`] and a ray from
+//! [`Emitters::sample_emission`]; [`Emitters::point_pdf`] and [`Emitters::emission_pdf`] are the densities of these two.
+//!
 //! Area emitters shine from one side only, that of their shading normal (the normals of a mesh's vertices, where it has
 //! any, as in Mitsuba 3): behind it both the radiance and the density are 0.
 
 mod area;
+mod bounding_sphere;
+mod emission;
 mod environment;
 mod point;
 
+pub use bounding_sphere::BoundingSphere;
+pub use emission::LightPoint;
 pub use environment::{Environment, EnvironmentError, EnvironmentMap};
 
 use crate::geometry::{Interaction, Part};
@@ -95,6 +102,8 @@ pub struct Emitters {
     selection: Option<AliasTable>,
     /// Which source is the environment.
     environment: Option<usize>,
+    /// What light from infinity falls on.
+    target: BoundingSphere,
 }
 
 /// An emitter with what sampling it needs, computed once.
@@ -108,11 +117,12 @@ enum Source {
 }
 
 impl Emitters {
-    /// `radius` is that of a sphere around the scene and the camera. [`EmitterId`]s count along `emitters`.
+    /// `target` is a sphere around the scene and the camera, which light from infinity falls on. [`EmitterId`]s count along
+    /// `emitters`.
     ///
     /// # Panics
     /// When there is more than one environment.
-    pub fn new(emitters: Vec<Emitter>, radius: f32) -> Self {
+    pub fn new(emitters: Vec<Emitter>, target: BoundingSphere) -> Self {
         let sources: Vec<Source> = emitters.into_iter().map(Source::new).collect();
         let mut environments =
             (0..sources.len()).filter(|&i| matches!(sources[i], Source::Environment(_)));
@@ -120,8 +130,19 @@ impl Emitters {
         assert!(environments.next().is_none(), "a scene has at most one environment");
 
         let powers: Vec<f64> =
-            sources.iter().map(|source| source.power(f64::from(radius))).collect();
-        Self { selection: AliasTable::new(&selection_weights(&powers)), sources, environment }
+            sources.iter().map(|source| source.power(f64::from(target.radius))).collect();
+        Self {
+            selection: AliasTable::new(&selection_weights(&powers)),
+            sources,
+            environment,
+            target,
+        }
+    }
+
+    /// The same emitters, of the same probabilities, with light from infinity that falls on this sphere, too: for the lens of
+    /// a camera, whose size shall not change which emitters a path tracer chooses.
+    pub fn reaching(self, sphere: BoundingSphere) -> Self {
+        Self { target: self.target.holding(sphere), ..self }
     }
 
     /// Chooses an emitter by `selection` and a direction to it from `from` by `u`; `None` when there is no light that
@@ -196,6 +217,11 @@ impl Emitters {
     #[inline]
     pub fn probability(&self, id: EmitterId) -> f32 {
         self.selection.as_ref().map_or(0.0, |selection| selection.pmf(id.0 as usize))
+    }
+
+    /// The sphere that light from infinity falls on: around the scene and the camera.
+    pub fn target(&self) -> BoundingSphere {
+        self.target
     }
 
     /// Is there nothing to sample?

@@ -1,8 +1,8 @@
 //! Emitters that shine from one direction only: point, spot and directional.
 
 use super::{EmitterSample, mean};
-use crate::math::Rgb;
-use glam::Vec3;
+use crate::math::{Frame, Rgb, warp};
+use glam::{Vec2, Vec3};
 use std::f64::consts::TAU;
 
 /// A point of equal intensity in all directions.
@@ -36,7 +36,7 @@ impl Point {
 /// that of Mitsuba 3's `spot` does.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {
-    point: Point,
+    pub(super) point: Point,
     axis: Vec3,
     /// Radians.
     cutoff: f32,
@@ -86,15 +86,47 @@ impl Spot {
     #[inline]
     pub(super) fn sample(&self, from: Vec3) -> Option<EmitterSample> {
         let sample = self.point.sample(from)?;
-        let cosine = -self.axis.dot(sample.direction);
-        let falloff = if cosine >= self.beam_cosine {
-            1.0
-        } else if cosine > self.cutoff_cosine {
-            ((self.cutoff - cosine.acos()) * self.steepness).max(0.0)
-        } else {
-            return None;
-        };
+        let falloff = self.falloff(-self.axis.dot(sample.direction))?;
         Some(EmitterSample { radiance: sample.radiance * falloff, ..sample })
+    }
+
+    /// W/sr into a unit direction, away from the emitter.
+    pub(super) fn intensity(&self, direction: Vec3) -> Rgb {
+        let falloff = self.falloff(self.axis.dot(direction));
+        falloff.map_or(Rgb::BLACK, |falloff| self.point.intensity * falloff)
+    }
+
+    /// Share of the intensity along the axis, at an angle to it of this cosine; `None` outside the cone.
+    #[inline]
+    fn falloff(&self, cosine: f32) -> Option<f32> {
+        if cosine >= self.beam_cosine {
+            Some(1.0)
+        } else if cosine > self.cutoff_cosine {
+            Some(((self.cutoff - cosine.acos()) * self.steepness).max(0.0))
+        } else {
+            None
+        }
+    }
+
+    /// A direction uniform in the cone, away from the emitter.
+    pub(super) fn sample_emission(&self, u: Vec2) -> Vec3 {
+        let local = warp::square_to_cone(u, self.cap() as f32);
+        Frame::from_normal(self.axis).to_world(local)
+    }
+
+    /// Density of [`Spot::sample_emission`] per steradian; 0 outside the cone.
+    pub(super) fn emission_pdf(&self, direction: Vec3) -> f64 {
+        let (axis, direction) = (self.axis.as_dvec3(), direction.as_dvec3());
+        // Not by the cosine, which in single precision has no digits left in a narrow cone. A direction rounded to
+        // single precision may lie outside by this much.
+        const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
+        let angle = axis.cross(direction).length().atan2(axis.dot(direction));
+        if angle <= f64::from(self.cutoff) + ROUNDING { 1.0 / (TAU * self.cap()) } else { 0.0 }
+    }
+
+    /// `1 - cos` of the cut-off.
+    fn cap(&self) -> f64 {
+        2.0 * (0.5 * f64::from(self.cutoff)).sin().powi(2)
     }
 }
 
@@ -102,7 +134,7 @@ impl Spot {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Directional {
     /// Unit vector to where the light comes from.
-    source: Vec3,
+    pub(super) source: Vec3,
     /// W/m², of a perpendicular surface.
     pub(super) irradiance: Rgb,
 }

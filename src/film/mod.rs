@@ -1,9 +1,14 @@
-//! Sums of samples per pixel, in two independent halves, and the layers that come out of them.
+//! Sums per pixel, in two independent halves, and the layers that come out of them: of samples, each of which belongs to a
+//! pixel ([`Film`]), and of splats, which fall where they like ([`SplatFilm`]).
 
+mod splat;
+#[cfg(test)]
+mod splat_tests;
 #[cfg(test)]
 mod tests;
 mod tile;
 
+pub use splat::{Radiance, Scale, SplatFilm};
 pub use tile::{Tile, tiles};
 
 use crate::integrator::PathSample;
@@ -89,9 +94,20 @@ pub struct Film {
 impl Film {
     /// A film without samples, with the layers that the scene requires.
     pub fn new(settings: FilmSettings, requirements: &Requirements) -> Self {
+        Self::of(settings, |kind| requirements.needs(kind))
+    }
+
+    /// A film for methods that take their features from elsewhere: of the layers that the scene requires, those of light.
+    pub fn of_radiance(settings: FilmSettings, requirements: &Requirements) -> Self {
+        let is_radiance =
+            |kind| matches!(kind, LayerKind::Beauty | LayerKind::Diffuse | LayerKind::Specular);
+        Self::of(settings, |kind| is_radiance(kind) && requirements.needs(kind))
+    }
+
+    fn of(settings: FilmSettings, is_kept: impl Fn(LayerKind) -> bool) -> Self {
         let (mut kept, mut layers, mut first) = (Vec::new(), Vec::new(), 0);
         for (kind, channels) in CHANNELS {
-            if requirements.needs(kind) {
+            if is_kept(kind) {
                 kept.extend(first..first + channels);
                 layers.push((kind, channels));
             }

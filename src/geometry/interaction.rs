@@ -41,14 +41,20 @@ impl Interaction {
     /// An unbounded ray in `direction` whose origin is moved off the surface, to the side `direction` points to, by the
     /// rounding-error bound.
     pub fn spawn(&self, direction: Vec3) -> Ray {
-        Ray::new(offset_point(self.position, self.error, self.normal, direction), direction)
+        Ray::new(self.offset_towards(direction), direction)
     }
 
     /// A ray to `target`, where its parameter is 1, from a point moved off the surface as by [`Interaction::spawn`]. It is
     /// aimed from there: a parallel ray would pass beside the target, and meet a round emitter too early at its rim.
     pub fn spawn_to(&self, target: Vec3) -> Ray {
-        let origin = offset_point(self.position, self.error, self.normal, target - self.position);
+        let origin = self.offset_towards(target - self.position);
         Ray::new(origin, target - origin)
+    }
+
+    /// The point moved off the surface, to the side `direction` points to, by the rounding-error bound: where a ray from
+    /// elsewhere may end without meeting the surface.
+    pub fn offset_towards(&self, direction: Vec3) -> Vec3 {
+        offset_point(self.position, self.error, self.normal, direction)
     }
 
     /// At barycentric weights `u`, `v` of the second and third corner of a mesh's triangle.
@@ -58,13 +64,9 @@ impl Interaction {
         let (ab, ac) = (b - a, c - a);
         let (along, across) = (ab * u, ac * v);
         let position = a + (along + across);
-        // Edge, product and sum round once each, on the way to a last sum; any weights give a point of the plane.
         let size = ab.abs().max_element().max(ac.abs().max_element());
         let (normal, double_area) = face([a, b, c], size);
-        let slenderness = (size * size / double_area).min(MOST_SLENDER);
-        let error = (along.abs() + across.abs()) * gamma(3)
-            + position.abs() * gamma(1)
-            + Vec3::splat(size * gamma(TEST_ROUNDINGS) * (1.0 + slenderness));
+        let error = triangle_error(position, [along, across], size, double_area);
         let interpolated = match mesh.normals.len() == mesh.positions.len() {
             true => {
                 let [na, nb, nc] = indices.map(|index| mesh.normals[index]);
@@ -89,6 +91,22 @@ impl Interaction {
             dp_dv,
         }
     }
+}
+
+/// The error of a point of a triangle, as in [`Interaction::error`]: `steps` lead to it along the edges from a corner, `size`
+/// is the largest coordinate of an edge.
+#[inline]
+pub(crate) fn triangle_error(
+    position: Vec3,
+    [along, across]: [Vec3; 2],
+    size: f32,
+    double_area: f32,
+) -> Vec3 {
+    // Edge, product and sum round once each, on the way to a last sum; any weights give a point of the plane.
+    let slenderness = (size * size / double_area).min(MOST_SLENDER);
+    (along.abs() + across.abs()) * gamma(3)
+        + position.abs() * gamma(1)
+        + Vec3::splat(size * gamma(TEST_ROUNDINGS) * (1.0 + slenderness))
 }
 
 /// The unit normal of a triangle, counter-clockwise seen from its tip, and twice its area.

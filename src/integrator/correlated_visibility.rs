@@ -148,6 +148,7 @@ pub struct Ledger {
 }
 
 /// A half of a picture that can go on: camera rays are taken in their order. Two halves of one seed are independent.
+#[derive(Debug)]
 pub struct VisibilityRendering<'a> {
     scene: &'a Scene,
     settings: CorrelatedVisibility,

@@ -2,12 +2,12 @@
 
 use super::mis::power_heuristic;
 use super::receiver::Receiver;
-use super::roulette::survive;
 use crate::emitter::EmitterSample;
 use crate::geometry::{Interaction, Ray};
 use crate::math::Rgb;
 use crate::sampler::Sampler;
 use crate::scene::Scene;
+use crate::transport::roulette::survive;
 use crate::transport::shading::Shading;
 use crate::transport::visibility::{shadow_ray, transmittance};
 use glam::Vec3;
@@ -26,10 +26,18 @@ pub enum Strategy {
 }
 
 /// A path tracer: prefer it wherever light is not mainly found through narrow openings or focused by glass.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathTracing {
     /// How direct light is found.
     pub strategy: Strategy,
+    /// Longest path in edges, where the scene does not set a lower limit: 2 for direct light alone.
+    pub max_depth: u32,
+}
+
+impl Default for PathTracing {
+    fn default() -> Self {
+        Self { strategy: Strategy::default(), max_depth: u32::MAX }
+    }
 }
 
 /// What one camera sample found. Radiance is `diffuse + specular`.
@@ -124,7 +132,7 @@ impl PathTracing {
         mut receive: impl FnMut(Receiver<'a>) -> ControlFlow<()>,
     ) -> PathSample {
         let mut sample = PathSample::default();
-        let max_depth = scene.limits.max_depth.unwrap_or(u32::MAX);
+        let max_depth = scene.limits.max_depth.unwrap_or(u32::MAX).min(self.max_depth);
         // The weight of the first scattering is kept apart, in its two parts: all light found after it is summed up
         // in `indirect` and split by them at the end.
         let (mut first_diffuse, mut first_specular) = (Rgb::BLACK, Rgb::BLACK);
@@ -251,7 +259,7 @@ impl PathTracing {
             departure = Departure {
                 position: at.position,
                 pdf: scattered.pdf,
-                is_delta: scattered.is_delta,
+                is_delta: scattered.is_delta(),
             };
 
             if WITHOUT_DIRECT {

@@ -52,7 +52,7 @@ impl Receiver<'_> {
     pub fn sample_smooth(&self, lobe: f32, u: Vec2) -> Option<Vec3> {
         let scattered = self.shading.bsdf.sample(self.shading.wo, lobe, u)?;
         let direction = self.shading.frame.to_world(scattered.wi);
-        (!scattered.is_delta && self.shading.is_consistent(scattered.wi, direction))
+        (!scattered.is_delta() && self.shading.is_consistent(scattered.wi, direction))
             .then_some(direction)
     }
 

@@ -4,6 +4,7 @@ pub mod arc_tangent;
 pub mod distribution;
 pub mod float;
 pub mod frame;
+pub mod jump;
 pub mod rgb;
 pub mod rigid;
 pub mod warp;

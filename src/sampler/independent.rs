@@ -3,6 +3,17 @@
 use super::{Sampler, hash, unit_interval};
 use glam::Vec2;
 
+/// What random numbers are for that belong to no sample of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stream {
+    /// Candidates for the first states of Markov chains; one stream a draw.
+    Bootstrap,
+    /// The choice among them; one stream a half.
+    Seeds,
+    /// Mutations; one stream a chain.
+    Chain,
+}
+
 /// Independent uniform numbers: PCG32, the XSH-RR generator of O'Neill 2014 ("PCG: A Family of Simple Fast
 /// Space-Efficient Statistically Good Algorithms for Random Number Generation", section 6.3). Each sample of each
 /// pixel starts at its own place of its own stream.
@@ -18,6 +29,20 @@ impl IndependentSampler {
     pub fn new(seed: u64, pixel: u32, sample: u32) -> Self {
         let key = hash::key(seed, pixel, sample);
         Self { state: hash::mix(key.wrapping_add(hash::STEP)), increment: key | 1 }
+    }
+
+    /// The numbers of stream `index` of a use that is no sample of a pixel. They meet those of another use, or of
+    /// [`IndependentSampler::new`], no more than those of another seed do.
+    pub fn stream(seed: u64, purpose: Stream, index: u64) -> Self {
+        let seed = hash::mix(seed ^ hash::mix(hash::STEP.wrapping_mul(purpose as u64 + 2)));
+        Self::new(seed, (index >> 32) as u32, index as u32)
+    }
+
+    /// A number of all 53 bits of an f64, for decisions of small probability.
+    #[inline]
+    pub fn next_f64(&mut self) -> f64 {
+        let bits = u64::from(self.next()) << 32 | u64::from(self.next());
+        (bits >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
     #[inline]

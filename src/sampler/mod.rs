@@ -6,9 +6,11 @@
 
 pub(crate) mod hash;
 pub mod independent;
+pub mod primary;
 pub mod sobol;
 
-pub use independent::IndependentSampler;
+pub use independent::{IndependentSampler, Stream};
+pub use primary::PrimarySampler;
 pub use sobol::SobolSampler;
 
 use glam::Vec2;
@@ -20,6 +22,10 @@ pub trait Sampler {
 
     /// The next two numbers, well distributed together.
     fn next_2d(&mut self) -> Vec2;
+
+    /// Goes on with the first dimension of another walk, which the numbers taken so far do not shift: the same one in every
+    /// sample. Independent numbers need nothing of the kind.
+    fn begin_walk(&mut self, _walk: u16) {}
 }
 
 /// The top 24 bits of `bits` as a number in `[0, 1)`.

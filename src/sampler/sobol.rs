@@ -104,6 +104,12 @@ impl Sampler for SobolSampler {
     fn next_2d(&mut self) -> Vec2 {
         self.next_pair().into()
     }
+
+    fn begin_walk(&mut self, walk: u16) {
+        self.batch = u32::from(walk) << 16;
+        self.used = LANES;
+        self.spare = None;
+    }
 }
 
 /// Second Sobol' dimension at `index`, with the most significant digit in bit 0.
@@ -180,6 +186,19 @@ mod tests {
         let means: Vec<f64> = (0..PIXELS).map(mean).collect();
         let center = means.iter().sum::<f64>() / f64::from(PIXELS);
         means.iter().map(|mean| (mean - center).powi(2)).sum::<f64>() / f64::from(PIXELS - 1)
+    }
+
+    #[test]
+    fn another_walk_begins_at_the_same_dimension_whatever_came_before() {
+        let third = |taken: usize| {
+            let mut sampler = SobolSampler::new(1, 2, 3);
+            (0..taken).for_each(|_| _ = sampler.next_1d());
+            sampler.begin_walk(1);
+            (0..3).for_each(|_| _ = sampler.next_2d());
+            sampler.next_1d()
+        };
+        assert_eq!(third(5), third(80));
+        assert_ne!(third(0), SobolSampler::new(1, 2, 3).next_1d());
     }
 
     #[test]

@@ -6,11 +6,11 @@
 use super::camera::Perspective;
 use super::mesh_file::{MeshOptions, RawMesh};
 use super::{Camera, FilmSettings, Material, MaterialId, PathLimits, Scene, Surface};
-use crate::emitter::{Emitter, EmitterId, Emitters};
+use crate::emitter::{BoundingSphere, Emitter, EmitterId, Emitters};
 use crate::geometry::{Geometry, Part};
 use crate::math::Rgb;
 use crate::texture::Texture;
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DMat4, DVec3};
 
 /// All that a scene file says.
 pub(super) struct Description {
@@ -116,7 +116,8 @@ impl Description {
                 warnings.push(format!("{count} triangles or shapes {what}; left out"));
             }
         }
-        let radius = bounding_radius(geometry.bounds(), eye);
+        let lens = BoundingSphere { center: eye, radius: camera.aperture_radius as f32 };
+        let bounds = BoundingSphere::around(geometry.bounds(), eye);
         Scene {
             geometry,
             has_masks: surfaces
@@ -124,7 +125,7 @@ impl Description {
                 .any(|surface| !self.materials[surface.material.0 as usize].is_opaque()),
             surfaces,
             materials: self.materials,
-            emitters: Emitters::new(emitters, radius),
+            emitters: Emitters::new(emitters, bounds).reaching(lens),
             camera: Camera::perspective(&camera)
                 .expect("moving a camera that was checked leaves it valid"),
             film: self.film,
@@ -189,30 +190,5 @@ impl Shape {
                 flip_normals,
             },
         }
-    }
-}
-
-/// Radius of a sphere around a box and the eye, which environments and directional emitters light.
-fn bounding_radius(bounds: Option<(Vec3, Vec3)>, eye: Vec3) -> f32 {
-    let (low, high) = bounds.unwrap_or((eye, eye));
-    let (low, high) = (low.min(eye), high.max(eye));
-    // Rounding may not leave a corner outside.
-    let radius = (high - (low + high) * 0.5).length() * (1.0 + 1e-5);
-    if radius > 0.0 { radius } else { 1.0 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_bounding_sphere_holds_box_and_eye() {
-        let radius = bounding_radius(Some((Vec3::ZERO, Vec3::ONE)), Vec3::new(0.0, 9.0, 0.0));
-        let center = Vec3::new(0.5, 4.5, 0.5);
-        for point in [Vec3::ZERO, Vec3::ONE, Vec3::new(0.0, 9.0, 0.0)] {
-            assert!(point.distance(center) <= radius, "{point}");
-        }
-        assert!(radius < 4.6, "a sphere much too large would make the sky too likely: {radius}");
-        assert_eq!(bounding_radius(None, Vec3::X), 1.0);
     }
 }

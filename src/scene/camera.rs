@@ -5,8 +5,10 @@
 //! Raster coordinates are pixels of the whole film, `(0, 0)` its upper left corner; a crop window changes nothing here.
 
 mod perspective;
+mod view;
 
 pub use perspective::{CameraError, FovAxis, Perspective};
+pub use view::{LensHit, LensView};
 
 use crate::geometry::Ray;
 use crate::math::rigid::rotation_and_scale;
@@ -119,9 +121,7 @@ impl Camera {
         if cosine <= 0.0 {
             return 0.0;
         }
-        let lens_area =
-            self.lens.map_or(1.0, |lens| std::f64::consts::PI * lens.radius * lens.radius);
-        1.0 / (lens_area * self.film_area * cosine.powi(4))
+        self.lens_pdf() / (self.film_area * cosine.powi(4))
     }
 
     /// Centre of the aperture, in world space.

@@ -65,7 +65,7 @@ fn scaled(texture: &Texture, factor: Rgb) -> Texture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::{RenderSettings, render};
+    use crate::render::{Budget, RenderSettings, render};
     use crate::scene::{LoadOptions, Scene};
     use quietlight_denoise::{Image, LayerKind};
     use std::path::{Path, PathBuf};
@@ -117,7 +117,7 @@ mod tests {
     }
 
     fn layer(scene: &Scene, kind: LayerKind) -> Image {
-        let settings = RenderSettings { samples: 2, ..RenderSettings::default() };
+        let settings = RenderSettings { budget: Budget::Samples(2), ..RenderSettings::default() };
         let rendered = render(scene, &settings, &|_| {}, &AtomicBool::new(false));
         rendered.layers.layers[&kind].mean.clone()
     }

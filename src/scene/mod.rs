@@ -14,7 +14,7 @@ pub mod ply;
 mod requirements;
 mod xml;
 
-pub use camera::{Camera, CameraError, FovAxis, Perspective};
+pub use camera::{Camera, CameraError, FovAxis, LensHit, LensView, Perspective};
 pub use change::Changes;
 pub use error::{Location, SceneError};
 pub use material::{Material, MaterialId};
@@ -22,6 +22,7 @@ pub use requirements::Requirements;
 
 use crate::emitter::{EmitterId, Emitters};
 use crate::geometry::Geometry;
+use glam::Vec2;
 use std::path::{Path, PathBuf};
 
 /// What may be changed about a scene while it is loaded.
@@ -51,6 +52,31 @@ pub struct FilmSettings {
     pub height: u32,
     /// First column, first row, columns and rows to render.
     pub crop: [u32; 4],
+}
+
+impl FilmSettings {
+    /// Density of a raster point that is uniform in the crop window, where the whole film has the measure 1: the pixels of
+    /// the film over those of the crop.
+    pub fn crop_pdf(&self) -> f64 {
+        let [_, _, columns, rows] = self.crop.map(f64::from);
+        f64::from(self.width) * f64::from(self.height) / (columns * rows)
+    }
+
+    /// The point of the crop window, in pixels of the whole film, that `u` in `[0, 1)²` chooses uniformly. Rounding does
+    /// not carry it over the far edges.
+    pub fn crop_point(&self, u: Vec2) -> Vec2 {
+        let [left, top, columns, rows] = self.crop;
+        let place = |start: u32, count: u32, u: f32| {
+            let point = f64::from(start) + f64::from(count) * f64::from(u);
+            (point as f32).min(((start + count) as f32).next_down())
+        };
+        Vec2::new(place(left, columns, u.x), place(top, rows, u.y))
+    }
+
+    /// How many pixels there are to render.
+    pub fn crop_pixels(&self) -> u64 {
+        u64::from(self.crop[2]) * u64::from(self.crop[3])
+    }
 }
 
 /// How long paths may be.
@@ -170,6 +196,13 @@ fn has_extension(path: &Path, wanted: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_point_of_the_crop_is_as_dense_as_the_crop_is_small() {
+        let film = FilmSettings { width: 64, height: 48, crop: [10, 20, 16, 6] };
+        assert_eq!(film.crop_pdf(), 32.0);
+        assert_eq!(FilmSettings { crop: [0, 0, 64, 48], ..film }.crop_pdf(), 1.0);
+    }
 
     #[test]
     fn our_own_scenes_load_without_warnings() {

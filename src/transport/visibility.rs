@@ -33,3 +33,10 @@ pub fn transmittance(scene: &Scene, mut ray: Ray) -> f32 {
     }
     transmittance
 }
+
+/// A ray from one surface to another, from just off the one to just off the other: nothing between them is missed, and
+/// neither is hit.
+pub fn connecting_ray(from: &Interaction, to: &Interaction) -> Ray {
+    let span = to.position - from.position;
+    Ray { t_max: 1.0, ..from.spawn_to(to.offset_towards(-span)) }
+}

@@ -5,7 +5,9 @@ use crate::support::mean::Mean;
 use crate::support::random::Random;
 use crate::support::{LEVEL, sidak};
 use glam::{DMat3, Vec2, Vec3};
-use quietlight::emitter::{Emitter, EmitterId, Emitters, Environment, EnvironmentMap};
+use quietlight::emitter::{
+    BoundingSphere, Emitter, EmitterId, Emitters, Environment, EnvironmentMap,
+};
 use quietlight::geometry::{Geometry, Mesh, Part};
 use quietlight::math::Rgb;
 use std::f64::consts::PI;
@@ -150,7 +152,7 @@ fn irradiance_does_not_depend_on_the_scale_of_the_scene() {
                 area(disk, Rgb::WHITE),
                 Emitter::Environment(Environment::Constant(Rgb::splat(0.1))),
             ],
-            5.0 * scale,
+            BoundingSphere { center: Vec3::ZERO, radius: 5.0 * scale },
         );
         let mut random = Random::new(3 + i as u64);
         let mean: Mean = (0..100_000)

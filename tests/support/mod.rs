@@ -4,6 +4,7 @@
 //! is that correct code was given an unlucky seed. One run of the suite spends [`LEVEL`] on each family of tests, divided
 //! among the members by [`sidak`].
 
+pub(crate) mod batches;
 pub(crate) mod chi_square;
 pub(crate) mod mean;
 pub(crate) mod random;

@@ -2,7 +2,7 @@
 
 use ndarray::Axis;
 use quietlight::integrator::{PathTracing, Strategy};
-use quietlight::render::{RenderSettings, Rendered, SamplerKind, render};
+use quietlight::render::{Budget, RenderSettings, Rendered, SamplerKind, render};
 use quietlight::scene::{LoadOptions, Scene};
 use quietlight_denoise::{Image, LayerKind};
 use std::sync::atomic::AtomicBool;
@@ -34,10 +34,10 @@ pub(crate) fn scene_from(text: &str) -> Scene {
 /// Settings of a test render.
 pub(crate) fn settings(samples: u32, seed: u64, strategy: Strategy) -> RenderSettings {
     RenderSettings {
-        samples,
+        budget: Budget::Samples(samples),
         seed,
         sampler: SamplerKind::Independent,
-        integrator: PathTracing { strategy },
+        integrator: PathTracing { strategy, ..PathTracing::default() }.into(),
         ..RenderSettings::default()
     }
 }

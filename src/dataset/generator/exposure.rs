@@ -1,7 +1,7 @@
 //! How bright a scene is, and how much light makes it as bright as wished.
 
 use super::colour;
-use crate::render::{RenderSettings, render};
+use crate::render::{Budget, RenderSettings, render};
 use crate::scene::Scene;
 use glam::DVec3;
 use quietlight_denoise::LayerKind;
@@ -15,7 +15,7 @@ const CEILING: f64 = 8.0;
 
 /// Luminances of a small trial picture.
 pub(super) fn luminances(scene: &Scene) -> Vec<f64> {
-    let settings = RenderSettings { samples: SAMPLES, ..RenderSettings::default() };
+    let settings = RenderSettings { budget: Budget::Samples(SAMPLES), ..RenderSettings::default() };
     let rendered = render(scene, &settings, &|_| (), &AtomicBool::new(false));
     let beauty = &rendered.layers.layers[&LayerKind::Beauty].mean;
     let (_, height, width) = beauty.dim();

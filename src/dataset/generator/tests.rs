@@ -2,7 +2,7 @@
 
 use super::pattern::Pattern;
 use super::*;
-use crate::render::{RenderSettings, render};
+use crate::render::{Budget, RenderSettings, render};
 use quietlight_denoise::LayerKind;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -51,7 +51,7 @@ fn outcome(seed: u64) -> Outcome {
 }
 
 fn picture(scene: &Scene) -> Picture {
-    let settings = RenderSettings { samples: 16, ..RenderSettings::default() };
+    let settings = RenderSettings { budget: Budget::Samples(16), ..RenderSettings::default() };
     let rendered = render(scene, &settings, &|_| (), &AtomicBool::new(false));
     let beauty = &rendered.layers.layers[&LayerKind::Beauty].mean;
     assert!(beauty.iter().all(|value| value.is_finite()));

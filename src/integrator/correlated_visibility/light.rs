@@ -43,6 +43,7 @@ impl Light {
 }
 
 /// The emitters that direct light is resampled from, and the surfaces of those that can be walked into.
+#[derive(Debug)]
 pub(super) struct Lights<'a> {
     emitters: &'a Emitters,
     /// Area emitters alone, and which each part is: finds the light in a direction without regard to blockers.

@@ -1,0 +1,274 @@
+//! Rounds of Markov chains.
+
+use super::method::{Method, Report};
+use super::units::run_units;
+use super::{Budget, RenderSettings};
+use crate::film::{Radiance, Scale, SplatFilm};
+use crate::integrator::{MarkovChains, Splat};
+use crate::mcmc::{Bootstrap, Failure, Statistics};
+use crate::sampler::{IndependentSampler, Stream};
+use crate::scene::Scene;
+use quietlight_denoise::Layers;
+use rayon::prelude::*;
+
+/// Mutations that a chain should make (METHODS 5.10): long enough to wander far from its seed, so that seeds may be few.
+const MUTATIONS_PER_CHAIN: u64 = 200_000;
+
+/// Fewest chains: enough for 64 threads and for two halves that each know how much their chains differ.
+const FEWEST_CHAINS: u64 = 64;
+
+/// Chains where only the time is known.
+const CHAINS_OF_TIME: u64 = 256;
+
+/// Mutations in a round, of all chains together: below a second of two threads, while a thread's share is well above what it
+/// costs to hand it out.
+const ROUND: u64 = 1 << 16;
+
+/// Draws of the bootstrap that a thread makes at once.
+const DRAWS_AT_ONCE: u64 = 512;
+
+/// Where the spread among chains is this many times that which each has within itself, they have not seen the same
+/// (Gelman and Rubin 1992, "Inference from Iterative Simulation Using Multiple Sequences": 1.1 is their bound of concern for
+/// the square root).
+const DISAGREEMENT: f64 = 1.1;
+
+/// A render by Markov chains under way. The halves are independent altogether: each has its own pool of candidates, and with
+/// it its own normalisation and seeds.
+#[derive(Debug)]
+pub(super) struct Chains<'a, M: MarkovChains> {
+    scene: &'a Scene,
+    method: M,
+    film: SplatFilm,
+    /// Chains of even index belong to half 0, those of odd index to half 1.
+    chains: Vec<Unit<M::Walker<'a>>>,
+    /// Normalisation and its standard error, from each half's pool.
+    normalisation: [(f64, f64); 2],
+    /// Chains in each half, of those that could start.
+    counts: [usize; 2],
+    /// Mutations that each chain has made.
+    mutations: u64,
+    /// Candidates whose weight was not finite.
+    invalid: u64,
+}
+
+/// One chain.
+#[derive(Debug)]
+struct Unit<W> {
+    half: usize,
+    walker: W,
+    place: Moments,
+}
+
+impl<'a, M: MarkovChains> Chains<'a, M> {
+    /// Makes the pools of candidates and starts the chains, on the threads of the current rayon pool.
+    pub(super) fn new(scene: &'a Scene, method: M, settings: &RenderSettings) -> Self {
+        let pixels = scene.film.crop_pixels();
+        let count = match settings.budget {
+            Budget::Samples(samples) => {
+                (pixels * u64::from(samples)).div_ceil(MUTATIONS_PER_CHAIN).max(FEWEST_CHAINS)
+            }
+            Budget::Time(_) => CHAINS_OF_TIME,
+        };
+        let in_half = count.div_ceil(2);
+        let pools = [0, 1].map(|half| pool(scene, &method, settings.seed, half));
+
+        let mut seeds = Vec::new();
+        for (half, pool) in pools.iter().enumerate() {
+            let mut numbers = IndependentSampler::stream(settings.seed, Stream::Seeds, half as u64);
+            let of_half = pool.seeds(in_half as usize, numbers.next_f64());
+            seeds.extend(of_half.zip(0..).map(|(seed, k)| (2 * k + half as u64, half, seed)));
+        }
+        seeds.sort_by_key(|&(index, ..)| index);
+        let start = |(index, half, seed): (u64, usize, &M::Seed)| {
+            let walker = method.start(scene, settings.seed, seed, index);
+            debug_assert!(walker.is_some(), "a seed was not found again: {seed:?}");
+            walker.map(|walker| Unit { half, walker, place: Moments::default() })
+        };
+        let chains: Vec<Unit<M::Walker<'a>>> =
+            seeds.into_par_iter().map(start).collect::<Vec<_>>().into_iter().flatten().collect();
+        let counts = [0, 1].map(|half| chains.iter().filter(|unit| unit.half == half).count());
+        Self {
+            scene,
+            method,
+            film: SplatFilm::new(scene.film),
+            chains,
+            normalisation: [0, 1].map(|half| (pools[half].mean(), pools[half].error())),
+            counts,
+            mutations: 0,
+            invalid: pools.iter().map(Bootstrap::invalid).sum(),
+        }
+    }
+
+    /// What the film's sums must be multiplied by: `b · pixels / mutations` of each half.
+    fn scale(&self) -> Scale {
+        let pixels = self.scene.film.crop_pixels() as f64;
+        let half = [0, 1].map(|half| {
+            let mutations = self.counts[half] as f64 * self.mutations as f64;
+            if mutations > 0.0 { self.normalisation[half].0 * pixels / mutations } else { 0.0 }
+        });
+        Scale { half, weight: [0.5; 2] }
+    }
+
+    fn statistics(&self) -> Statistics {
+        let mut all = Statistics::new(self.method.names().len());
+        for unit in &self.chains {
+            all.merge(self.method.statistics(&unit.walker));
+        }
+        all
+    }
+}
+
+/// The candidates of one half.
+fn pool<M: MarkovChains>(scene: &Scene, method: &M, seed: u64, half: u64) -> Bootstrap<M::Seed> {
+    let draws = u64::from(method.draws()).div_ceil(2);
+    let part = |first: u64| {
+        let mut pool = Bootstrap::default();
+        let mut found = Vec::new();
+        for draw in first..(first + DRAWS_AT_ONCE).min(draws) {
+            method.draw(scene, seed, 2 * draw + half, &mut found);
+            pool.add_draw(found.drain(..));
+        }
+        pool
+    };
+    let starts: Vec<u64> = (0..draws).step_by(DRAWS_AT_ONCE as usize).collect();
+    let parts: Vec<Bootstrap<M::Seed>> = starts.into_par_iter().map(part).collect();
+    let mut pool = Bootstrap::default();
+    parts.into_iter().for_each(|part| pool.append(part));
+    pool
+}
+
+impl<M: MarkovChains> Method for Chains<'_, M> {
+    fn round(&mut self, most: u32) {
+        let Self { scene, method, film, chains, .. } = self;
+        let count = self.counts.iter().sum::<usize>().max(1) as u64;
+        let whole = (scene.film.crop_pixels() * u64::from(most)).div_ceil(count);
+        let mutations = ROUND.div_ceil(count).min(whole.saturating_sub(self.mutations));
+        run_units(chains, film, |unit, splats| {
+            method.mutate(scene, &mut unit.walker, mutations, splats);
+            splats.iter().for_each(|splat| unit.place.add(splat));
+            unit.half
+        });
+        self.mutations += mutations;
+    }
+
+    fn samples(&self) -> u32 {
+        (self.done() / self.scene.film.crop_pixels()) as u32
+    }
+
+    fn done(&self) -> u64 {
+        self.mutations * self.counts.iter().sum::<usize>().max(1) as u64
+    }
+
+    fn put_radiance(&self, layers: &mut Layers) {
+        self.film.put_into(layers, &self.scale(), Radiance::Replaced);
+    }
+
+    fn invalid(&self) -> u64 {
+        let failures = self.statistics().kernels;
+        let not_finite = failures.iter().map(|kernel| kernel.failures[Failure::NotFinite as usize]);
+        self.film.invalid_splats() + self.invalid + not_finite.sum::<u64>()
+    }
+
+    fn report(&self) -> Report {
+        let mut report = Report::default();
+        let mut tell = |name: &str, value: String| report.facts.push((name.to_owned(), value));
+        let [(a, error_a), (b, error_b)] = self.normalisation;
+        let (mean, error) = (0.5 * (a + b), 0.5 * error_a.hypot(error_b));
+        tell("normalisation", format!("{mean:.6e} ± {error:.1e}"));
+        tell("chains", format!("{} of {} mutations", self.chains.len(), self.mutations));
+        let statistics = self.statistics();
+        let lines = statistics.lines(self.method.names());
+        for (name, line) in self.method.names().iter().zip(lines) {
+            let line = line.strip_prefix(&format!("{name}: ")).unwrap_or(&line).to_owned();
+            tell(&format!("mutation {name}"), line);
+        }
+        tell("longest_stay", format!("{} mutations", statistics.longest_stay));
+        let places: Vec<Moments> = self.chains.iter().map(|unit| unit.place).collect();
+        let disagreement = disagreement(&places);
+        if let Some(disagreement) = disagreement {
+            tell("chains_disagreement", format!("{disagreement:.3}"));
+        }
+        if self.chains.is_empty() {
+            report.warnings.push(format!(
+                "no light found by {} samples: the picture is black",
+                self.method.draws()
+            ));
+        }
+        if disagreement.is_some_and(|disagreement| disagreement > DISAGREEMENT) {
+            report.warnings.push(
+                "the chains disagree about where the light is: expect blotches, or take more mutations"
+                    .to_owned(),
+            );
+        }
+        report
+    }
+}
+
+/// Where a chain was on the film, by luminance.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    weight: f64,
+    sum: [f64; 2],
+    squares: [f64; 2],
+}
+
+impl Moments {
+    fn add(&mut self, splat: &Splat) {
+        let weight = f64::from((splat.diffuse + splat.specular).luminance());
+        if !(weight.is_finite() && splat.raster.is_finite()) {
+            return;
+        }
+        self.weight += weight;
+        for (axis, place) in splat.raster.as_dvec2().to_array().into_iter().enumerate() {
+            self.sum[axis] += weight * place;
+            self.squares[axis] += weight * place * place;
+        }
+    }
+}
+
+/// The ratio `√((W + B) / W)` of the spread of the chains' mean places (variance `B`) to that within the chains (mean
+/// variance `W`), for the axis where it is larger: 1 where chains have all been everywhere, large where each stayed around
+/// its seed. `None` for fewer than two chains, or where nothing moves.
+fn disagreement(chains: &[Moments]) -> Option<f64> {
+    let chains: Vec<&Moments> = chains.iter().filter(|chain| chain.weight > 0.0).collect();
+    let count = chains.len() as f64;
+    if count < 2.0 {
+        return None;
+    }
+    let of_axis = |axis: usize| {
+        let means = || chains.iter().map(|chain| chain.sum[axis] / chain.weight);
+        let mean = means().sum::<f64>() / count;
+        let between = means().map(|m| (m - mean) * (m - mean)).sum::<f64>() / (count - 1.0);
+        let squares = chains.iter().map(|chain| chain.squares[axis] / chain.weight);
+        let within = squares.zip(means()).map(|(s, m)| (s - m * m).max(0.0)).sum::<f64>() / count;
+        (within > 0.0).then(|| ((within + between) / within).sqrt())
+    };
+    of_axis(0).into_iter().chain(of_axis(1)).reduce(f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Rgb;
+    use glam::Vec2;
+
+    fn chain(places: &[f32]) -> Moments {
+        let mut moments = Moments::default();
+        for &x in places {
+            let raster = Vec2::new(x, 1.0);
+            moments.add(&Splat { raster, diffuse: Rgb::WHITE, specular: Rgb::BLACK });
+        }
+        moments
+    }
+
+    #[test]
+    fn chains_that_stay_apart_disagree() {
+        let alike = [chain(&[0.0, 2.0, 4.0]), chain(&[4.0, 2.0, 0.0])];
+        assert!((disagreement(&alike).unwrap() - 1.0).abs() < 1e-9);
+        // Means 1 and 9: variance 32 between, 1 within.
+        let apart = [chain(&[0.0, 2.0]), chain(&[8.0, 10.0])];
+        assert!((disagreement(&apart).unwrap() - 33f64.sqrt()).abs() < 1e-6);
+        assert_eq!(disagreement(&apart[..1]), None);
+        assert_eq!(disagreement(&[chain(&[1.0]), chain(&[1.0]), chain(&[])]), None);
+    }
+}

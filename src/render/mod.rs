@@ -1,0 +1,251 @@
+//! Who runs where: passes over tiles, rounds of chains, threads, budgets of samples or time, progress.
+
+mod bidirectional;
+mod chains;
+mod method;
+mod sampled;
+mod units;
+mod visibility;
+
+pub use method::Report;
+pub use sampled::replay;
+
+use crate::integrator::Integrator;
+use crate::scene::Scene;
+use method::Method;
+use quietlight_denoise::{Layers, variance};
+use sampled::{Sampled, next_pass};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Where random numbers come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SamplerKind {
+    /// Owen-scrambled Sobol points: lower error at the same count.
+    #[default]
+    Sobol,
+    /// Independent numbers.
+    Independent,
+}
+
+/// How much work a picture is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Budget {
+    /// Samples per pixel: paths or mutations. Only these give the same bits again.
+    Samples(u32),
+    /// Wall time, heeded to within a pass or a round.
+    Time(Duration),
+}
+
+/// How to render.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RenderSettings {
+    /// When to stop.
+    pub budget: Budget,
+    /// The same seed gives the same bits, at any number of threads.
+    pub seed: u64,
+    /// Where random numbers of paths from the camera come from.
+    pub sampler: SamplerKind,
+    /// How light is found.
+    pub integrator: Integrator,
+    /// Length of a pass: how often progress is whole and a stop is heeded.
+    pub pass: Duration,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        Self {
+            budget: Budget::Samples(64),
+            seed: 0,
+            sampler: SamplerKind::default(),
+            integrator: Integrator::default(),
+            pass: Duration::from_secs(1),
+        }
+    }
+}
+
+/// Samples per pixel that path tracing takes for the feature layers of another method: their noise is that of what the
+/// surface looks like, far below that of its light.
+const FEATURE_SAMPLES: u32 = 16;
+
+/// The part of a budget of time that the feature layers may take, once they have two samples per pixel, one a half.
+const FEATURE_SHARE: u32 = 8;
+
+/// A picture with its layers, and what it took.
+#[derive(Debug)]
+pub struct Rendered {
+    /// All layers; the halves have corrected the variances of means of stratified samples, and given those of chains.
+    pub layers: Layers,
+    /// Samples or mutations per pixel taken; fewer than asked for when stopped.
+    pub samples: u32,
+    /// Non-finite samples and splats dropped.
+    pub invalid_samples: u64,
+    /// Wall time.
+    pub elapsed: Duration,
+    /// What the method found about itself.
+    pub report: Report,
+}
+
+/// Renders `scene` on the threads of the current rayon pool.
+///
+/// `progress` is called, also from the workers, with the number of samples or mutations done so far, of the whole picture.
+/// When `stop` becomes true the pass or round under way is finished and what there is comes back.
+pub fn render(
+    scene: &Scene,
+    settings: &RenderSettings,
+    progress: &(dyn Fn(u64) + Sync),
+    stop: &AtomicBool,
+) -> Rendered {
+    let mut rendering = Rendering::new(scene, settings);
+    rendering.run(settings.budget, progress, stop);
+    rendering.finish()
+}
+
+/// A render that can go on: samples are taken in their order, so that how many at a time does not change the picture of
+/// path tracing. The other methods go on, too, but the last bits of their sums tell where they halted.
+#[derive(Debug)]
+pub struct Rendering<'a> {
+    scene: &'a Scene,
+    settings: RenderSettings,
+    sampled: Sampled<'a>,
+    /// What gives the radiance, from its first round on; never for path tracing.
+    method: Option<Box<dyn Method + 'a>>,
+    elapsed: Duration,
+}
+
+impl<'a> Rendering<'a> {
+    /// A render without samples. `settings.budget` is not yet used up, but tells methods what to prepare for.
+    pub fn new(scene: &'a Scene, settings: &RenderSettings) -> Self {
+        let sampled = Sampled::new(scene, settings);
+        Self { scene, settings: *settings, sampled, method: None, elapsed: Duration::ZERO }
+    }
+
+    /// Samples or mutations per pixel taken so far.
+    pub fn samples(&self) -> u32 {
+        match &self.method {
+            Some(method) => method.samples(),
+            None if self.settings.integrator.is_path() => self.sampled.samples(),
+            None => 0,
+        }
+    }
+
+    /// Goes on until there are `samples` per pixel, on the threads of the current rayon pool; `progress` and `stop` are as
+    /// for [`render`].
+    pub fn advance(&mut self, samples: u32, progress: &(dyn Fn(u64) + Sync), stop: &AtomicBool) {
+        self.run(Budget::Samples(samples), progress, stop);
+    }
+
+    /// Goes on until there are so many samples per pixel, or this wall time is used up, that of earlier runs included.
+    pub fn run(&mut self, budget: Budget, progress: &(dyn Fn(u64) + Sync), stop: &AtomicBool) {
+        let clock = Clock { before: self.elapsed, start: Instant::now() };
+        if self.settings.integrator.is_path() {
+            self.sample(budget, &clock, progress, stop);
+        } else {
+            let features = match budget {
+                Budget::Samples(samples) => Budget::Samples(samples.min(FEATURE_SAMPLES)),
+                Budget::Time(time) => Budget::Time(time / FEATURE_SHARE),
+            };
+            self.sample(features, &clock, &|_| {}, stop);
+            self.go_rounds(budget, &clock, progress, stop);
+        }
+        self.elapsed = clock.elapsed();
+    }
+
+    /// Passes of path tracing. For another method's features, no more than these take.
+    fn sample(
+        &mut self,
+        budget: Budget,
+        clock: &Clock,
+        progress: &(dyn Fn(u64) + Sync),
+        stop: &AtomicBool,
+    ) {
+        let is_path = self.settings.integrator.is_path();
+        let (fewest, most) = match budget {
+            Budget::Samples(samples) => (samples, samples),
+            Budget::Time(_) if is_path => (1, u32::MAX),
+            Budget::Time(_) => (2, FEATURE_SAMPLES),
+        };
+        while self.sampled.samples() < most {
+            let (samples, elapsed) = (self.sampled.samples(), clock.elapsed());
+            let mut length = self.settings.pass;
+            if let Budget::Time(time) = budget {
+                let left = time.saturating_sub(elapsed);
+                if left.is_zero() && samples >= fewest {
+                    break;
+                }
+                length = length.min(left);
+            }
+            self.sampled.pass(next_pass(samples, most - samples, length, elapsed), progress);
+            if stop.load(Ordering::Relaxed) {
+                break;
+            }
+        }
+    }
+
+    /// Rounds of a method that is not path tracing.
+    fn go_rounds(
+        &mut self,
+        budget: Budget,
+        clock: &Clock,
+        progress: &(dyn Fn(u64) + Sync),
+        stop: &AtomicBool,
+    ) {
+        if self.method.is_none() {
+            self.method = method::start(self.scene, &self.settings);
+        }
+        let Some(method) = &mut self.method else { return };
+        let most = match budget {
+            Budget::Samples(samples) => samples,
+            Budget::Time(_) => u32::MAX,
+        };
+        while method.samples() < most && !stop.load(Ordering::Relaxed) {
+            method.round(most);
+            progress(method.done());
+            if matches!(budget, Budget::Time(time) if clock.elapsed() >= time) {
+                break;
+            }
+        }
+    }
+
+    /// The layers as the samples so far give them, with corrected variances.
+    pub fn layers(&self) -> Layers {
+        let mut layers = self.sampled.layers();
+        if let Some(method) = &self.method {
+            method.put_radiance(&mut layers);
+        }
+        // The variance of independent samples is right, and of more degrees of freedom than that of the halves; that of
+        // splats that depend on each other only the halves know.
+        for layer in layers.layers.values_mut() {
+            if self.settings.sampler == SamplerKind::Sobol || layer.variance.is_none() {
+                variance::correct_variances(layer);
+            }
+        }
+        layers
+    }
+
+    /// The picture.
+    pub fn finish(self) -> Rendered {
+        let start = Instant::now();
+        let method = self.method.as_ref();
+        Rendered {
+            layers: self.layers(),
+            samples: self.samples(),
+            invalid_samples: self.sampled.invalid_samples()
+                + method.map_or(0, |method| method.invalid()),
+            report: method.map_or_else(Report::default, |method| method.report()),
+            elapsed: self.elapsed + start.elapsed(),
+        }
+    }
+}
+
+/// Wall time, that of earlier runs included.
+struct Clock {
+    before: Duration,
+    start: Instant,
+}
+
+impl Clock {
+    fn elapsed(&self) -> Duration {
+        self.before + self.start.elapsed()
+    }
+}

@@ -1,0 +1,142 @@
+//! Samples that belong to pixels: passes over tiles, and the replay of one sample.
+
+use super::{RenderSettings, SamplerKind};
+use crate::film::{Film, Tile};
+use crate::integrator::{PathSample, PathTracing, Vertex};
+use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
+use crate::scene::{Requirements, Scene};
+use glam::Vec2;
+use quietlight_denoise::Layers;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+/// A film under way that path tracing fills, sample after sample.
+#[derive(Debug)]
+pub(super) struct Sampled<'a> {
+    scene: &'a Scene,
+    path_tracing: PathTracing,
+    seed: u64,
+    sampler: SamplerKind,
+    film: Film,
+    /// Samples per pixel so far.
+    samples: u32,
+}
+
+impl<'a> Sampled<'a> {
+    pub(super) fn new(scene: &'a Scene, settings: &RenderSettings) -> Self {
+        Self {
+            scene,
+            path_tracing: settings.integrator.path_tracing(),
+            seed: settings.seed,
+            sampler: settings.sampler,
+            film: Film::new(scene.film, &Requirements::of(scene)),
+            samples: 0,
+        }
+    }
+
+    /// Samples per pixel so far.
+    pub(super) fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// Takes so many more samples in each pixel. `progress` is called with the number of samples of the whole picture
+    /// so far.
+    pub(super) fn pass(&mut self, count: u32, progress: &(dyn Fn(u64) + Sync)) {
+        let Self { scene, path_tracing, seed, sampler, film, samples } = self;
+        let numbers = Numbers { seed: *seed, sampler: *sampler };
+        let (tiles, kept) = film.tiles_mut();
+        let pixels: usize = tiles.iter().map(Tile::len).sum();
+        let done = AtomicU64::new(u64::from(*samples) * pixels as u64);
+        tiles.par_iter_mut().for_each(|tile| {
+            for (index, pixel) in tile.film_pixels().enumerate() {
+                for sample in *samples..*samples + count {
+                    let found = sample_pixel(scene, path_tracing, numbers, pixel, sample, |_| {});
+                    tile.add(index, (sample & 1) as usize, &found, kept);
+                }
+            }
+            let added = tile.len() as u64 * u64::from(count);
+            progress(done.fetch_add(added, Ordering::Relaxed) + added);
+        });
+        *samples += count;
+    }
+
+    /// The layers as the samples so far give them.
+    pub(super) fn layers(&self) -> Layers {
+        self.film.layers(self.scene.origin)
+    }
+
+    /// Non-finite samples dropped so far.
+    pub(super) fn invalid_samples(&self) -> u64 {
+        self.film.invalid_samples()
+    }
+}
+
+/// Samples per pixel of the next pass: about `pass` long by the speed of the `samples` so far, and no more than are `left`.
+/// The first pass is one sample. Only the clock decides the size, and the size does not change the picture.
+pub(super) fn next_pass(samples: u32, left: u32, pass: Duration, elapsed: Duration) -> u32 {
+    if samples == 0 {
+        return 1.min(left);
+    }
+    let seconds_each = (elapsed.as_secs_f64() / f64::from(samples)).max(1e-9);
+    let wanted = pass.as_secs_f64() / seconds_each;
+    // Not more than doubling guards against a first pass that was lucky.
+    (wanted as u32).clamp(1, samples.max(1)).min(left)
+}
+
+/// Renders one sample again by path tracing and reports each hit of its walk: `pixel` counts from the upper left corner of
+/// the whole film.
+pub fn replay(
+    scene: &Scene,
+    settings: &RenderSettings,
+    pixel: [u32; 2],
+    sample: u32,
+    observe: impl FnMut(Vertex),
+) -> PathSample {
+    let numbers = Numbers { seed: settings.seed, sampler: settings.sampler };
+    sample_pixel(scene, &settings.integrator.path_tracing(), numbers, pixel, sample, observe)
+}
+
+/// Where a sample's random numbers come from.
+#[derive(Clone, Copy)]
+struct Numbers {
+    seed: u64,
+    sampler: SamplerKind,
+}
+
+/// One camera sample through a uniformly chosen point of the pixel (a box filter).
+#[inline]
+fn sample_pixel(
+    scene: &Scene,
+    path_tracing: &PathTracing,
+    numbers: Numbers,
+    [x, y]: [u32; 2],
+    sample: u32,
+    observe: impl FnMut(Vertex),
+) -> PathSample {
+    let (seed, index) = (numbers.seed, y * scene.film.width + x);
+    match numbers.sampler {
+        SamplerKind::Sobol => {
+            let mut sampler = SobolSampler::new(seed, index, sample);
+            walk(scene, path_tracing, [x, y], &mut sampler, observe)
+        }
+        SamplerKind::Independent => {
+            let mut sampler = IndependentSampler::new(seed, index, sample);
+            walk(scene, path_tracing, [x, y], &mut sampler, observe)
+        }
+    }
+}
+
+fn walk<S: Sampler>(
+    scene: &Scene,
+    path_tracing: &PathTracing,
+    [x, y]: [u32; 2],
+    sampler: &mut S,
+    observe: impl FnMut(Vertex),
+) -> PathSample {
+    let raster = Vec2::new(x as f32, y as f32) + sampler.next_2d();
+    // A pinhole leaves the pair to the first bounce.
+    let lens = if scene.camera.aperture_radius() > 0.0 { sampler.next_2d() } else { Vec2::ZERO };
+    let ray = scene.camera.ray(raster, lens);
+    path_tracing.trace_observed(scene, ray, sampler, observe)
+}

@@ -1,0 +1,238 @@
+//! Pictures of primary sample space against those of the path tracer.
+
+use crate::support::mean::Mean;
+use crate::support::scenes::{render_finite, scene_around, settings};
+use crate::support::{LEVEL, sidak};
+use quietlight::integrator::{Integrator, Pssmlt, Strategy};
+use quietlight::render::{Budget, RenderSettings, Rendered};
+use quietlight::scene::Scene;
+use quietlight_denoise::{Image, LayerKind};
+use std::time::{Duration, Instant};
+
+/// A room with a mirror ball and a glossy floor, lit by a small lamp that shines at the ceiling.
+pub(crate) fn room(lamp: &str) -> Scene {
+    scene_around(
+        24,
+        60.0,
+        5,
+        &format!(
+            r#"
+        <bsdf type="twosided" id="red"><bsdf type="diffuse"><rgb name="reflectance" value="0.7 0.2 0.1"/></bsdf></bsdf>
+        <bsdf type="twosided" id="white"><bsdf type="diffuse"><rgb name="reflectance" value="0.7"/></bsdf></bsdf>
+        <bsdf type="twosided" id="floor"><bsdf type="roughplastic"><float name="alpha" value="0.2"/>
+            <rgb name="diffuse_reflectance" value="0.4 0.5 0.7"/></bsdf></bsdf>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="2"/>
+            <translate y="-1" z="-3"/></transform><ref id="floor"/></shape>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><scale value="2"/>
+            <translate y="1.5" z="-3"/></transform><ref id="white"/></shape>
+        <shape type="rectangle"><transform name="to_world"><scale value="2"/><translate z="-5"/></transform>
+            <ref id="white"/></shape>
+        <shape type="rectangle"><transform name="to_world"><rotate y="1" angle="90"/><scale value="2"/>
+            <translate x="-1.5" z="-3"/></transform><ref id="red"/></shape>
+        <shape type="sphere"><point name="center" x="0.5" y="-0.5" z="-3"/><float name="radius" value="0.5"/>
+            <bsdf type="conductor"><string name="material" value="none"/></bsdf></shape>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="0.4"/>
+            <translate y="0.4" z="-3.5"/></transform><bsdf type="diffuse"/>{lamp}</shape>"#
+        ),
+    )
+}
+
+pub(crate) const LAMP: &str =
+    r#"<emitter type="area"><rgb name="radiance" value="8 7 5"/></emitter>"#;
+
+fn chains(samples: u32, seed: u64) -> RenderSettings {
+    let method = Pssmlt { bootstrap_samples: 2000, ..Pssmlt::default() };
+    RenderSettings {
+        integrator: Integrator::Pssmlt(method),
+        ..settings(samples, seed, Strategy::Mis)
+    }
+}
+
+/// Sum over the channels of the mean of each block of `side` pixels.
+fn blocks(image: &Image, side: usize) -> Vec<f64> {
+    let (channels, height, width) = image.dim();
+    let mut blocks = Vec::new();
+    for top in (0..height).step_by(side) {
+        for left in (0..width).step_by(side) {
+            let pixels = (0..channels)
+                .flat_map(|c| (top..top + side).map(move |y| (c, y)))
+                .flat_map(|(c, y)| (left..left + side).map(move |x| [c, y, x]));
+            let sum: f64 = pixels.map(|at| f64::from(image[at])).sum();
+            blocks.push(sum / (side * side) as f64);
+        }
+    }
+    blocks
+}
+
+/// Of each layer the blocks' means over renders with other seeds.
+fn replicate<const N: usize>(
+    scene: &Scene,
+    kinds: [LayerKind; N],
+    side: usize,
+    replicas: u64,
+    of: impl Fn(u64) -> RenderSettings,
+) -> [Vec<Mean>; N] {
+    let mut means = [const { Vec::new() }; N];
+    for seed in 0..replicas {
+        let rendered = render_finite(scene, &of(1000 + seed));
+        for (means, kind) in means.iter_mut().zip(kinds) {
+            let found = blocks(&rendered.layers.layers[&kind].mean, side);
+            means.resize(found.len(), Mean::default());
+            means.iter_mut().zip(found).for_each(|(mean, value)| mean.add(value));
+        }
+    }
+    means
+}
+
+/// METHODS 12.1 for whole renders repeated. Welch's test in every block; and the mean of the squares of `n` numbers of
+/// Student's distribution with `d` degrees is `d / (d − 2)`, where blocks that depend on each other count as a quarter of
+/// them. Blocks that are black by both methods say nothing.
+fn assert_same(a: &[Mean], b: &[Mean], what: &str) {
+    let is_black = |mean: &Mean| mean.mean() == 0.0 && mean.variance() == 0.0;
+    let pairs: Vec<(&Mean, &Mean)> =
+        a.iter().zip(b).filter(|(a, b)| !(is_black(a) && is_black(b))).collect();
+    let count = pairs.len() as f64;
+    assert!(count >= 3.0, "{what}: {count} blocks with light");
+    let square = |(a, b): &(&Mean, &Mean)| {
+        (a.mean() - b.mean()).powi(2) / (a.variance_of_mean() + b.variance_of_mean())
+    };
+    let mean_square = pairs.iter().map(square).sum::<f64>() / count;
+    let degrees = (a[0].count().min(b[0].count()) - 1) as f64;
+    let bound = degrees / (degrees - 2.0) * (1.0 + 4.0 * (8.0 / count).sqrt());
+    assert!(mean_square < bound, "{what}: mean z² {mean_square:.2}, bound {bound:.2}");
+    let p = pairs.iter().map(|(a, b)| a.p_same_as(b)).fold(1.0, f64::min);
+    assert!(p > sidak(LEVEL, pairs.len()), "{what}: smallest p {p:.2e} of {count} blocks");
+}
+
+const RADIANCE: [LayerKind; 3] = [LayerKind::Beauty, LayerKind::Diffuse, LayerKind::Specular];
+
+#[test]
+fn primary_sample_space_has_the_mean_of_path_tracing_in_every_block() {
+    let scene = room(LAMP);
+    let paths = replicate(&scene, RADIANCE, 4, 32, |seed| settings(64, seed, Strategy::Mis));
+    let primary = replicate(&scene, RADIANCE, 4, 40, |seed| chains(64, seed));
+    for ((kind, paths), primary) in RADIANCE.iter().zip(paths).zip(primary) {
+        assert_same(&primary, &paths, &format!("{kind:?}"));
+    }
+}
+
+#[test]
+fn few_candidates_and_short_chains_have_the_same_mean() {
+    // 64 chains of a single mutation from two pools of 20 samples: nearly all of the picture is where chains start.
+    let mut scene = room(LAMP);
+    scene.film.crop = [8, 4, 8, 8];
+    let method = Pssmlt { bootstrap_samples: 40, ..Pssmlt::default() };
+    let [short] = replicate(&scene, [LayerKind::Beauty], 4, 4000, |seed| RenderSettings {
+        integrator: Integrator::Pssmlt(method),
+        budget: Budget::Samples(1),
+        ..chains(1, seed)
+    });
+    let [paths] =
+        replicate(&scene, [LayerKind::Beauty], 4, 32, |seed| settings(256, seed, Strategy::Mis));
+    assert_same(&short, &paths, "short chains");
+}
+
+fn on_threads(threads: usize, scene: &Scene, settings: &RenderSettings) -> Rendered {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    pool.install(|| render_finite(scene, settings))
+}
+
+#[test]
+fn one_two_and_eight_threads_give_the_same_bits_of_chains() {
+    let mut scene = room(LAMP);
+    scene.film.crop = [3, 2, 11, 9];
+    let one = on_threads(1, &scene, &chains(900, 5));
+    for threads in [2, 8] {
+        let many = on_threads(threads, &scene, &chains(900, 5));
+        assert_eq!((one.samples, &one.report), (many.samples, &many.report));
+        for (kind, layer) in &one.layers.layers {
+            let other = &many.layers.layers[kind];
+            assert_eq!(layer.mean, other.mean, "{kind:?} on {threads} threads");
+            assert_eq!(layer.variance, other.variance, "{kind:?} on {threads} threads");
+            assert_eq!(layer.halves, other.halves, "{kind:?} on {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn a_crop_window_has_the_brightness_of_its_part_of_the_film() {
+    let mut scene = room(LAMP);
+    scene.film.crop = [4, 4, 12, 8];
+    let [window] = replicate(&scene, [LayerKind::Beauty], 4, 32, |seed| chains(100, seed));
+    let [paths] =
+        replicate(&scene, [LayerKind::Beauty], 4, 32, |seed| settings(64, seed, Strategy::Mis));
+    assert_same(&window, &paths, "crop window");
+}
+
+#[test]
+fn a_black_scene_is_black_and_said_to_be() {
+    let scene = room("");
+    let rendered = render_finite(&scene, &chains(50, 1));
+    for kind in [LayerKind::Beauty, LayerKind::Diffuse] {
+        let layer = &rendered.layers.layers[&kind];
+        assert!(layer.mean.iter().all(|&value| value == 0.0));
+        assert!(layer.variance.as_ref().is_some_and(|v| v.iter().all(|&value| value == 0.0)));
+    }
+    assert_eq!(rendered.samples, 50);
+    assert!(rendered.report.warnings.iter().any(|warning| warning.contains("black")));
+    // What is seen there does not depend on light.
+    assert!(rendered.layers.layers[&LayerKind::Albedo].mean.iter().any(|&value| value > 0.1));
+}
+
+#[test]
+fn the_variance_of_chains_is_that_of_other_seeds() {
+    // Half of the squared difference of two renders has the variance as its mean, averaged over the pixels. Small pools, so
+    // that the normalisation's error is a part that the halves must not share.
+    let scene = room(LAMP);
+    let method = Pssmlt { bootstrap_samples: 200, ..Pssmlt::default() };
+    let (mut claimed, mut actual) = (Mean::default(), Mean::default());
+    for pair in 0..32 {
+        let [a, b] = [2 * pair, 2 * pair + 1].map(|seed| {
+            let integrator = Integrator::Pssmlt(method);
+            let rendered =
+                render_finite(&scene, &RenderSettings { integrator, ..chains(32, seed) });
+            rendered.layers.layers[&LayerKind::Beauty].clone()
+        });
+        let average = |image: &Image| f64::from(image.sum()) / image.len() as f64;
+        for layer in [&a, &b] {
+            claimed.add(average(layer.variance.as_ref().expect("halves give a variance")));
+        }
+        let difference = &a.mean - &b.mean;
+        actual.add(0.5 * average(&(&difference * &difference)));
+    }
+    let p = claimed.p_same_as(&actual);
+    assert!(p > LEVEL, "claimed {}, actual {}: p {p:.1e}", claimed.mean(), actual.mean());
+}
+
+#[test]
+fn beauty_of_chains_is_diffuse_and_specular_exactly() {
+    let rendered = render_finite(&room(LAMP), &chains(40, 2));
+    let layer = |kind| &rendered.layers.layers[&kind];
+    let [beauty, diffuse, specular] = RADIANCE.map(layer);
+    assert_eq!(beauty.mean, &diffuse.mean + &specular.mean);
+    for half in [0, 1] {
+        let [b, d, s] =
+            [beauty, diffuse, specular].map(|layer| &layer.halves.as_ref().expect("halves")[half]);
+        assert_eq!(*b, d + s);
+    }
+    assert!(specular.mean.iter().any(|&value| value > 0.0));
+}
+
+#[test]
+fn a_budget_of_time_is_heeded_by_paths_and_chains() {
+    let scene = room(LAMP);
+    let time = Duration::from_millis(400);
+    for integrator in [Integrator::default(), Integrator::Pssmlt(Pssmlt::default())] {
+        let settings = RenderSettings {
+            budget: Budget::Time(time),
+            integrator,
+            ..settings(0, 3, Strategy::Mis)
+        };
+        let start = Instant::now();
+        let rendered = render_finite(&scene, &settings);
+        assert!(rendered.samples > 1, "{} samples", rendered.samples);
+        // Not less, and by no more than a round longer: some 0.3 s of two threads, and tests run side by side.
+        let took = start.elapsed();
+        assert!(took >= time && took < time + Duration::from_secs(5), "{took:?}");
+    }
+}
