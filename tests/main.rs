@@ -16,3 +16,4 @@ mod rays;
 mod sampling;
 mod scene;
 mod support;
+mod visibility;

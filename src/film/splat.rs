@@ -107,6 +107,14 @@ impl SplatFilm {
         splats.iter().for_each(|splat| self.add(half, splat));
     }
 
+    /// Adds sums of radiance, diffuse and specular, of the crop window's pixels row by row.
+    pub(crate) fn add_sums(&mut self, half: usize, sums: impl Iterator<Item = [[f64; 3]; 2]>) {
+        for (pixel, more) in self.pixels.iter_mut().zip(sums) {
+            let all = pixel.half[half].iter_mut().zip(more.as_flattened());
+            all.for_each(|(sum, more)| *sum += more);
+        }
+    }
+
     /// Adds all that is on another film of the same size. The order in which films are merged decides the last bits.
     ///
     /// # Panics

@@ -6,22 +6,26 @@
 pub mod bdpt;
 mod changes;
 mod choice;
+pub mod correlated_visibility;
 pub mod erpt;
 mod markov;
 pub mod mis;
 pub mod mlt;
 pub mod path_tracing;
 pub mod pssmlt;
+pub mod receiver;
 mod splat;
 
 pub use bdpt::Bdpt;
 pub use changes::Mutations;
 pub use choice::{Choice, LightProbe};
+pub use correlated_visibility::CorrelatedVisibility;
 pub use erpt::Erpt;
 pub use markov::MarkovChains;
 pub use mlt::Mlt;
 pub use path_tracing::{PathSample, PathTracing, Strategy, Vertex};
 pub use pssmlt::{PrimaryPaths, Pssmlt};
+pub use receiver::Receiver;
 pub use splat::Splat;
 
 /// How light is found. All methods have the same mean, where they can find the light at all.
@@ -37,6 +41,8 @@ pub enum Integrator {
     Mlt(Mlt),
     /// Path tracing whose energy short chains spread over the film.
     Erpt(Erpt),
+    /// Resampled direct light, exchanged between neighbouring pixels; path tracing of all other light.
+    Visibility(CorrelatedVisibility),
 }
 
 impl Default for Integrator {
@@ -54,6 +60,7 @@ impl Integrator {
             Self::Pssmlt(_) => "pssmlt",
             Self::Mlt(_) => "mlt",
             Self::Erpt(_) => "erpt",
+            Self::Visibility(_) => "visibility",
         }
     }
 
@@ -65,6 +72,7 @@ impl Integrator {
             Self::Pssmlt(settings) => format!("{settings:?}"),
             Self::Mlt(settings) => format!("{settings:?}"),
             Self::Erpt(settings) => format!("{settings:?}"),
+            Self::Visibility(settings) => format!("{settings:?}"),
         }
     }
 
@@ -77,9 +85,11 @@ impl Integrator {
     pub fn path_tracing(&self) -> PathTracing {
         match self {
             Self::Path(settings) => *settings,
-            Self::Bdpt(_) | Self::Pssmlt(_) | Self::Mlt(_) | Self::Erpt(_) => {
-                PathTracing::default()
-            }
+            Self::Bdpt(_)
+            | Self::Pssmlt(_)
+            | Self::Mlt(_)
+            | Self::Erpt(_)
+            | Self::Visibility(_) => PathTracing::default(),
         }
     }
 }

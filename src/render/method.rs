@@ -4,6 +4,7 @@ use super::RenderSettings;
 use super::bidirectional::Bidirectional;
 use super::chains::Chains;
 use super::redistribution::Redistribution;
+use super::visibility::Visibility;
 use crate::integrator::Integrator;
 use crate::scene::Scene;
 use quietlight_denoise::{LayerKind, Layers};
@@ -64,5 +65,6 @@ pub(super) fn start<'a>(
         Integrator::Pssmlt(method) => Some(Box::new(Chains::new(scene, method, settings))),
         Integrator::Erpt(erpt) => Some(Box::new(Redistribution::new(scene, erpt, settings))),
         Integrator::Mlt(method) => Some(Box::new(Chains::new(scene, method, settings))),
+        Integrator::Visibility(method) => Some(Box::new(Visibility::new(scene, method, settings))),
     }
 }

@@ -6,6 +6,7 @@ mod method;
 mod redistribution;
 mod sampled;
 mod units;
+mod visibility;
 
 pub use method::Report;
 pub use sampled::replay;
