@@ -1,6 +1,7 @@
 //! Unidirectional path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling.
 
 use super::mis::power_heuristic;
+use super::receiver::Receiver;
 use crate::emitter::EmitterSample;
 use crate::geometry::{Interaction, Ray};
 use crate::math::Rgb;
@@ -10,6 +11,7 @@ use crate::transport::roulette::survive;
 use crate::transport::shading::Shading;
 use crate::transport::visibility::{shadow_ray, transmittance};
 use glam::Vec3;
+use std::ops::ControlFlow;
 
 /// How direct light is found. All three have the same mean, which is how they test each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -103,9 +105,34 @@ impl PathTracing {
     pub fn trace_observed<S: Sampler>(
         &self,
         scene: &Scene,
+        ray: Ray,
+        sampler: &mut S,
+        observe: impl FnMut(Vertex),
+    ) -> PathSample {
+        self.walk::<S, false>(scene, ray, sampler, observe, |_| ControlFlow::Continue(()))
+    }
+
+    /// Follows one camera ray without the light that [`Receiver::scatter`] leads straight from emitters to the camera:
+    /// `receive` is given the receiver, if the ray meets one that may be lit, and may end the walk there. With the light that
+    /// reaches the receiver directly this has the mean of [`PathTracing::trace`]; its shadow ray's visibility is 0.
+    pub fn trace_without_direct<'a, S: Sampler>(
+        &self,
+        scene: &'a Scene,
+        ray: Ray,
+        sampler: &mut S,
+        receive: impl FnMut(Receiver<'a>) -> ControlFlow<()>,
+    ) -> PathSample {
+        self.walk::<S, true>(scene, ray, sampler, |_| {}, receive)
+    }
+
+    /// The walk of both. Which of them it is, is known when it is compiled, so that path tracing does not pay for it.
+    fn walk<'a, S: Sampler, const WITHOUT_DIRECT: bool>(
+        &self,
+        scene: &'a Scene,
         mut ray: Ray,
         sampler: &mut S,
         mut observe: impl FnMut(Vertex),
+        mut receive: impl FnMut(Receiver<'a>) -> ControlFlow<()>,
     ) -> PathSample {
         let mut sample = PathSample::default();
         let max_depth = scene.limits.max_depth.unwrap_or(u32::MAX).min(self.max_depth);
@@ -122,10 +149,15 @@ impl PathTracing {
         let length = ray.origin.distance(scene.camera.center());
         let mut features = FeatureWalk { length, ..FeatureWalk::default() };
         let mut depth = 0u32;
+        // Of a walk without direct light: has it met the receiver, and did the receiver's smooth lobe scatter last?
+        let (mut is_received, mut is_left_out) = (false, false);
 
         while depth < max_depth {
             depth += 1;
             let Some(hit) = scene.geometry.intersect(&ray) else {
+                if WITHOUT_DIRECT && is_left_out {
+                    break;
+                }
                 let radiance = self.background(scene, &ray, &departure, depth);
                 if scatterings == 0 {
                     sample.specular += throughput * radiance;
@@ -143,6 +175,7 @@ impl PathTracing {
             if let Some(id) = surface.emitter
                 && self.strategy != Strategy::Features
                 && !(scene.limits.hide_emitters && depth == 1)
+                && !(WITHOUT_DIRECT && is_left_out)
             {
                 let radiance = scene.emitters.radiance(id, &at, -ray.direction);
                 if !radiance.is_black() {
@@ -189,7 +222,19 @@ impl PathTracing {
                 Strategy::Features => scatterings == 0,
                 Strategy::Light | Strategy::Mis => true,
             };
-            if is_lit
+            let is_receiver = WITHOUT_DIRECT && !is_received && shading.bsdf.has_smooth();
+            if is_receiver {
+                is_received = true;
+                let receiver = Receiver {
+                    at,
+                    shading: shading.clone(),
+                    throughput: first_weight * throughput,
+                    is_first: scatterings == 0,
+                };
+                if receive(receiver).is_break() {
+                    break;
+                }
+            } else if is_lit
                 && shading.bsdf.has_smooth()
                 && let Some(light) = scene.emitters.sample(at.position, u_selection, u_light)
             {
@@ -228,6 +273,13 @@ impl PathTracing {
                 pdf: scattered.pdf,
                 is_delta: scattered.is_delta(),
             };
+
+            if WITHOUT_DIRECT {
+                is_left_out = is_receiver && !departure.is_delta;
+                if is_left_out && depth + 1 == max_depth {
+                    break;
+                }
+            }
 
             // Russian roulette.
             let importance = (first_weight * throughput).max_component();

@@ -31,6 +31,13 @@ pub struct Contribution {
     pub weight: f64,
 }
 
+impl Contribution {
+    /// Luminance, weighted.
+    pub fn luminance(&self) -> f64 {
+        f64::from((self.diffuse + self.specular).luminance()) * self.weight
+    }
+}
+
 /// Which ways of finding a path there are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Strategies {
@@ -399,7 +406,7 @@ impl<'s> Pair<'_, 's> {
         let cosine = -surface.at.normal.dot(view.direction);
         let ray = Ray::between(step.start(cosine), view.start);
         let cosine = f64::from(cosine.abs());
-        let raster_pdf = camera.raster_pdf(view.direction);
+        let raster_pdf = self.raster_pdf(view.direction);
         let light =
             step.throughput * (cosine * raster_pdf / (self.light.nodes[y + 1].cosine * distance2));
         let parts = [colour(scattered.diffuse) * light, colour(scattered.specular) * light];
