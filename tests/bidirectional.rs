@@ -1,6 +1,9 @@
 //! Bidirectional path tracing: every strategy alone, and all of them weighted (METHODS 13.2).
 
-use crate::support::batches::{Batches, assert_same, bdpt_batches, path_batches};
+mod extremes;
+mod pictures;
+
+use crate::support::batches::bdpt_batches;
 use crate::support::scenes::scene_around;
 use glam::Vec2;
 use quietlight::integrator::bdpt::{Bdpt, Workspace};
@@ -69,21 +72,6 @@ fn every_strategy_sees_each_path_length_of_an_integrating_sphere() {
             assert!(z.abs() < 4.4, "s {s}, t {t}: {mean} ± {error}, expected 0.5");
         }
     }
-}
-
-/// The weighted sum of all strategies against path tracing.
-fn assert_same_picture(scene: &Scene, heuristic: Heuristic, what: &str) {
-    let all = bdpt_batches(scene, Bdpt { heuristic, ..Bdpt::default() }, 32, 64, |found| {
-        Some((0, found.weight))
-    });
-    let reference: Batches = path_batches(scene, 32, 64);
-    assert_same(&all, 0, &reference, 0, what);
-}
-
-#[test]
-fn all_strategies_together_see_what_path_tracing_sees() {
-    assert_same_picture(&room(6, MIRROR, AREA), Heuristic::Power, "mirror ball, area light");
-    assert_same_picture(&room(6, GLASS, AREA), Heuristic::Balance, "glass ball, area light");
 }
 
 /// Everything that a few thousand samples of `scene` find: the contribution and its whole path.

@@ -54,7 +54,7 @@ impl Batches {
     }
 
     /// Mean and standard error of one block of one estimate.
-    fn block(&self, estimate: usize, block: usize) -> (f64, f64) {
+    pub(crate) fn block(&self, estimate: usize, block: usize) -> (f64, f64) {
         self.statistics(|sums| sums.get(&estimate).map_or(0.0, |sums| sums[block]))
     }
 
@@ -74,7 +74,7 @@ impl Batches {
     }
 }
 
-fn luminance(colour: Rgb) -> f64 {
+pub(crate) fn luminance(colour: Rgb) -> f64 {
     f64::from(colour.luminance())
 }
 
