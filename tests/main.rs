@@ -15,5 +15,6 @@ mod markov;
 mod rays;
 mod sampling;
 mod scene;
+mod strategies;
 mod support;
 mod visibility;

@@ -120,9 +120,12 @@ impl<'s> Pair<'_, 's> {
         }
     }
 
-    /// The whole path of `s` light and `t` eye vertices, as a contribution names them, of `t ≥ 1`; `None` where the walks have
-    /// no such path, or one without light.
+    /// The whole path of `s` light and `t` eye vertices, as a contribution names them; `None` where the walks have no such
+    /// path, or one without light.
     pub fn path(&self, s: u32, t: u32) -> Option<Path<'s>> {
+        if t == 0 {
+            return self.path_through_lens(s as usize);
+        }
         let (s, t) = (s as usize, t as usize);
         let (mut vertices, mut events) = (Vec::with_capacity(s + t), Vec::with_capacity(s + t));
         if s > 0 {
@@ -167,6 +170,22 @@ impl<'s> Pair<'_, 's> {
         vertices.push(Vertex::Lens { raster, lens, position });
         events.push(Event::Smooth);
         Path::new(self.scene, vertices, events)
+    }
+
+    /// The path of `s` vertices of the walk from the light, the last of which is on the lens.
+    fn path_through_lens(&self, s: usize) -> Option<Path<'s>> {
+        let steps = self.light.steps.get(..s.checked_sub(2)?)?;
+        let crossing = self.light.crossings.iter().find(|one| one.step + 1 == steps.len())?;
+        let lens = Vertex::Lens {
+            raster: crossing.view.raster,
+            lens: crossing.lens,
+            position: self.scene.camera.lens_point(crossing.lens),
+        };
+        let surfaces = steps.iter().map(|step| Vertex::Surface(step.surface.clone()));
+        let vertices = std::iter::once(Vertex::Light(self.start?)).chain(surfaces).chain([lens]);
+        let ends = [Event::Smooth];
+        let events = ends.into_iter().chain(steps.iter().map(|step| step.event)).chain(ends);
+        Path::new(self.scene, vertices.collect(), events.collect())
     }
 
     /// Density of raster points, uniform over the crop window, of rays in that direction, per steradian.

@@ -59,6 +59,8 @@ pub struct Crossing {
     pub step: usize,
     /// What the lens sees there.
     pub view: LensView,
+    /// The coordinates of the point of the aperture, as the camera chooses them.
+    pub lens: Vec2,
     /// What the weights need to know of the lens.
     pub node: Node,
     /// Product of all weights, in what a diffuse lobe of that surface scattered and the rest.
@@ -306,6 +308,7 @@ impl<'s> Walker<'s> {
         (visible > 0.0).then(|| Crossing {
             step,
             view: found.view,
+            lens: found.lens,
             node: departure.arrive(found.position, camera.cosine(found.view.direction)),
             throughput: throughput.map(|part| part * visible),
         })

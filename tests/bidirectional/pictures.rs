@@ -1,8 +1,8 @@
 //! Whole pictures: single strategies and families of them against path tracing (METHODS 13.2).
 
-use super::{AREA, GLASS, MIRROR, room};
+use super::{AREA, GLASS, LENS, MIRROR, film, room};
 use crate::support::batches::{Batches, assert_same, bdpt_batches, luminance, path_batches};
-use crate::support::scenes::{render_finite, scene_around, scene_from, settings};
+use crate::support::scenes::{render_finite, scene_around, settings};
 use glam::Vec2;
 use quietlight::integrator::bdpt::Bdpt;
 use quietlight::integrator::{PathTracing, Strategy};
@@ -37,21 +37,6 @@ const SEPARATE: &str = r#"<bsdf type="twosided" id="grey"><bsdf type="diffuse">
         <ref id="grey"/></shape>
     <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><scale value="0.8"/>
         <translate y="1.9" z="-3.5"/></transform><emitter type="area"><rgb name="radiance" value="3 2.5 2"/></emitter></shape>"#;
-
-/// A camera at the origin that looks along −z, with a lens if one is given.
-fn film(width: u32, height: u32, depth: u32, lens: &str, inside: &str) -> Scene {
-    let sensor = if lens.is_empty() { "perspective" } else { "thinlens" };
-    scene_from(&format!(
-        r#"<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="{depth}"/></integrator>
-        <sensor type="{sensor}"><float name="fov" value="60"/>{lens}
-            <transform name="to_world"><lookat origin="0,0,0" target="0,0,-1" up="0,1,0"/></transform>
-            <film type="hdrfilm"><integer name="width" value="{width}"/><integer name="height" value="{height}"/>
-                <rfilter type="box"/></film></sensor>{inside}</scene>"#
-    ))
-}
-
-const LENS: &str =
-    r#"<float name="aperture_radius" value="0.4"/><float name="focus_distance" value="3"/>"#;
 
 /// Estimate 0: path tracing of paths of exactly `k` edges. Renders with and without the last edge share their numbers, so
 /// that their difference has no more noise than it should.

@@ -103,7 +103,8 @@ pub(crate) fn bdpt_batches(
                     let lens = sampler.next_2d();
                     found.clear();
                     integrator.trace(scene, raster, lens, &mut sampler, &mut workspace, &mut found);
-                    for one in &found {
+                    let is_kept = |one: &&Contribution| scene.film.crop_pixel(one.raster).is_some();
+                    for one in found.iter().filter(is_kept) {
                         if let Some((index, factor)) = estimate(one) {
                             let value = luminance(one.diffuse + one.specular) * factor * scale;
                             add(index, one.raster, value);
