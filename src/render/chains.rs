@@ -90,7 +90,8 @@ impl<'a, M: MarkovChains> Chains<'a, M> {
         Self {
             scene,
             method,
-            film: SplatFilm::new(scene.film),
+            // The squares are not the variance, but they have its shape from pixel to pixel; the halves give its size.
+            film: SplatFilm::of_independent(scene.film),
             chains,
             normalisation: [0, 1].map(|half| (pools[half].mean(), pools[half].error())),
             counts,
@@ -161,6 +162,10 @@ impl<M: MarkovChains> Method for Chains<'_, M> {
 
     fn put_radiance(&self, layers: &mut Layers) {
         self.film.put_into(layers, &self.scale(), Radiance::Replaced);
+    }
+
+    fn is_independent(&self) -> bool {
+        false
     }
 
     fn invalid(&self) -> u64 {
