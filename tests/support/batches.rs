@@ -118,7 +118,7 @@ pub(crate) fn bdpt_batches(
 pub(crate) fn path_batches(scene: &Scene, batches: u32, samples: u32) -> Batches {
     Batches::run(scene, batches, |batch, add| {
         let mut settings = settings(samples, 1000 + u64::from(batch), Strategy::Mis);
-        settings.integrator = PathTracing::default();
+        settings.integrator = PathTracing::default().into();
         let rendered = render_finite(scene, &settings);
         let beauty = &rendered.layers.layers[&LayerKind::Beauty].mean;
         let (_, height, width) = beauty.dim();
