@@ -101,7 +101,6 @@ fn assert_same(what: &str, a: &[Mean], b: &[Mean]) {
     let scores = scores(a, b);
     let square = mean_square(&scores);
     let largest = scores.iter().fold(0.0f64, |largest, z| largest.max(z.abs()));
-    println!("{what}: mean z² {square:.2}, largest |z| {largest:.2}");
     // Blocks that share chains are correlated: METHODS has n / 4 for the effective number.
     let bound = 1.0 + 4.0 * (2.0 * 4.0 / scores.len() as f64).sqrt();
     assert!(square < bound, "{what}: mean z² {square:.2} of {scores:.1?}, bound {bound:.2}");
@@ -224,7 +223,6 @@ fn resampling_finds_the_albedo_in_constant_light_for_any_number_of_candidates() 
         assert!(p > sidak(LEVEL, 4), "{candidates} candidates: {} p {p:.2e}", mean.mean());
         variances.push(mean.variance());
     }
-    println!("variances by candidates 1, 4, 16, 64: {variances:?}");
     assert!(variances.is_sorted_by(|a, b| a > b), "{variances:?}");
 }
 
@@ -244,7 +242,6 @@ fn unoccluded_light_is_that_of_path_tracing_with_less_noise() {
     assert_same("unoccluded", &resampled, &traced);
     let variance = |means: &[Mean]| means.iter().map(Mean::variance).sum::<f64>();
     let (ours, theirs) = (variance(&resampled), variance(&traced));
-    println!("variance of 16 shadow rays: {ours:.2e} resampled, {theirs:.2e} path-traced");
     assert!(ours < theirs, "{ours:.2e} {theirs:.2e}");
 }
 
@@ -297,7 +294,6 @@ fn only_pixels_of_the_penumbra_are_marked_and_all_of_them_with_many_shadow_rays(
         }
         shares.push(marked as f64 / inside as f64);
     }
-    println!("marked in the penumbra by 2, 4, 8 and 32 shadow rays: {shares:.3?}");
     assert!(shares.is_sorted_by(|a, b| a < b) && shares[3] > 0.97, "{shares:.3?}");
 }
 
@@ -332,9 +328,6 @@ fn marks_of_the_same_samples_are_biased_the_less_the_more_shadow_rays() {
         let bias = bias.fold(0.0, f64::max);
         let square = mean_square(&scores(&same, &pilot));
         let unbiased = mean_square(&scores(&again, &pilot));
-        println!(
-            "{shadow_rays} shadow rays: bias {bias:.4} of the peak, mean z² {square:.2}, pilot {unbiased:.2}"
-        );
         assert!(unbiased < bound, "pilot: {unbiased:.2}");
         results.push((bias, square));
     }
@@ -365,7 +358,6 @@ fn what_chains_are_given_is_what_they_deposit() {
         balance.add(ledger.given / ledger.found);
     }
     let p = balance.p_against(1.0);
-    println!("given / found {:.6}, p {p:.3}", balance.mean());
     assert!(p > LEVEL, "given / found {} p {p:.2e}", balance.mean());
 }
 

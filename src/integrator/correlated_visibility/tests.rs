@@ -100,7 +100,7 @@ fn every_mutation_keeps_the_distribution_of_weighted_seeds() {
                 *squares += change * change;
             }
         }
-        assert!(moved > 100_000, "{kind:?}: only {moved} moves");
+        assert!(moved > 20_000, "{kind:?}: only {moved} moves");
         let n = f64::from(replicas as u32);
         let scores: Vec<f64> = (0..FEATURES)
             .filter(|&feature| squares[feature] > 0.0)
@@ -111,10 +111,12 @@ fn every_mutation_keeps_the_distribution_of_weighted_seeds() {
             .collect();
         let square = scores.iter().map(|z| z * z).sum::<f64>() / scores.len() as f64;
         let largest = scores.iter().fold(0.0f64, |largest, z| largest.max(z.abs()));
-        println!("{kind:?}: {moved} moves, mean z² {square:.2}, largest |z| {largest:.2}");
         // METHODS 12.1 with a quarter of the features as the effective number; 40 two-sided tests of level 10⁻⁴ together
         // are 4.9 of Student's t with 149 degrees of freedom.
         let bound = 1.0 + 4.0 * (8.0 / scores.len() as f64).sqrt();
-        assert!(square < bound && largest < 4.9, "{kind:?}: mean z² {square:.2} {scores:.1?}");
+        assert!(
+            square < bound && largest < 4.9,
+            "{kind:?}: {moved} moves, mean z² {square:.2} {scores:.1?}"
+        );
     }
 }
