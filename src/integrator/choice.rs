@@ -139,7 +139,8 @@ fn pair<'s>(scene: &'s Scene, index: u64, workspace: &mut Workspace<'s>) -> Vec<
             // f / (q_0 + q_1), from f / q_0 and f / q_1.
             let density: f64 = [0, 1].map(|s| (-path.ln_contribution(s)).exp()).iter().sum();
             // What the walks survived of roulette; path tracing would have had to, as well.
-            let survival = one.luminance() / one.weight * (-path.ln_contribution(one.s as usize)).exp();
+            let survival =
+                one.luminance() / one.weight * (-path.ln_contribution(one.s as usize)).exp();
             let of_path = if density > 0.0 { survival / density } else { f64::INFINITY };
             Some(Found { cell: cell(one.raster), value: one.luminance(), of_path })
         })
