@@ -73,7 +73,9 @@ fn every_strategy_sees_each_path_length_of_an_integrating_sphere() {
 
 /// The weighted sum of all strategies against path tracing.
 fn assert_same_picture(scene: &Scene, heuristic: Heuristic, what: &str) {
-    let all = bdpt_batches(scene, Bdpt { heuristic }, 32, 64, |found| Some((0, found.weight)));
+    let all = bdpt_batches(scene, Bdpt { heuristic, ..Bdpt::default() }, 32, 64, |found| {
+        Some((0, found.weight))
+    });
     let reference: Batches = path_batches(scene, 32, 64);
     assert_same(&all, 0, &reference, 0, what);
 }
@@ -90,7 +92,7 @@ fn for_each_path(
     heuristic: Heuristic,
     mut check: impl FnMut(&Contribution, &Path<'_>),
 ) {
-    let integrator = Bdpt { heuristic };
+    let integrator = Bdpt { heuristic, ..Bdpt::default() };
     let mut workspace = Workspace::default();
     let mut found = Vec::new();
     for sample in 0..4000 {

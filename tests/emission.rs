@@ -3,6 +3,7 @@
 mod analytic;
 mod density;
 mod extremes;
+mod places;
 mod walks;
 
 use glam::{Vec2, Vec3};

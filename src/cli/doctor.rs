@@ -70,7 +70,7 @@ fn check(has_networks: bool) -> anyhow::Result<()> {
     std::fs::write(&file, FURNACE)?;
     let scene = Scene::load(&file, &LoadOptions::default())?;
     // Only by walking into the light: then every sample is a product of ones.
-    let integrator = PathTracing { strategy: Strategy::Bsdf }.into();
+    let integrator = PathTracing { strategy: Strategy::Bsdf, ..PathTracing::default() }.into();
     let budget = Budget::Samples(16);
     let settings = RenderSettings { budget, integrator, ..RenderSettings::default() };
     let rendered = render(&scene, &settings, &|_| {}, &AtomicBool::new(false));

@@ -163,6 +163,16 @@ impl Emitters {
             .then_some(sample)
     }
 
+    /// Light of every point, spot and directional emitter at `from`; each with a `pdf` of 1.
+    pub fn delta_samples(&self, from: Vec3) -> impl Iterator<Item = EmitterSample> + '_ {
+        self.sources.iter().filter_map(move |source| match source {
+            Source::Point(point) => point.sample(from),
+            Source::Spot(spot) => spot.sample(from),
+            Source::Directional(directional) => Some(directional.sample()),
+            Source::Area(_) | Source::Environment(_) => None,
+        })
+    }
+
     /// Radiance that the area emitter `id` sends from `at` into the unit direction `wo`.
     #[inline]
     pub fn radiance(&self, id: EmitterId, at: &Interaction, wo: Vec3) -> Rgb {

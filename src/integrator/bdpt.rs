@@ -2,7 +2,7 @@
 
 use crate::sampler::Sampler;
 use crate::scene::Scene;
-use crate::transport::connect::{Contribution, Pair};
+use crate::transport::connect::{Contribution, Pair, Strategies};
 use crate::transport::mis::Heuristic;
 use crate::transport::walk::{Subpath, Walker};
 use glam::Vec2;
@@ -16,6 +16,8 @@ use glam::Vec2;
 pub struct Bdpt {
     /// How strategies share a path.
     pub heuristic: Heuristic,
+    /// Which strategies there are.
+    pub strategies: Strategies,
 }
 
 /// Memory that one sample leaves to the next.
@@ -58,13 +60,17 @@ impl Bdpt {
             max_steps: max_depth,
             rr_depth: scene.limits.rr_depth,
             heuristic: self.heuristic,
+            sees_lens: self.strategies == Strategies::All && scene.camera.aperture_radius() > 0.0,
         };
         walker.from_lens(eye, raster, lens, sampler);
         sampler.begin_walk(1);
-        // A path of most edges may end on the lens: the last surface then still has to scatter.
-        let to_lens = u32::from(scene.camera.aperture_radius() > 0.0);
-        let max_steps = max_depth.saturating_sub(1).saturating_add(to_lens);
+        let max_steps = match self.strategies {
+            Strategies::FromCamera => 0,
+            // A path of most edges may end on the lens: the last surface then still has to scatter.
+            _ => max_depth.saturating_sub(1).saturating_add(u32::from(walker.sees_lens)),
+        };
         let start = Walker { max_steps, ..walker }.from_light(light, sampler);
-        Pair { scene, heuristic: self.heuristic, eye, raster, lens, light, start }
+        let Self { heuristic, strategies } = *self;
+        Pair { scene, heuristic, strategies, eye, raster, lens, light, start }
     }
 }

@@ -1,6 +1,7 @@
 //! Unidirectional path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling.
 
 use super::mis::power_heuristic;
+use super::receiver::Receiver;
 use crate::emitter::EmitterSample;
 use crate::geometry::{Interaction, Ray};
 use crate::math::Rgb;
@@ -10,6 +11,7 @@ use crate::transport::roulette::survive;
 use crate::transport::shading::Shading;
 use crate::transport::visibility::{shadow_ray, transmittance};
 use glam::Vec3;
+use std::ops::ControlFlow;
 
 /// How direct light is found. All three have the same mean, which is how they test each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,10 +26,18 @@ pub enum Strategy {
 }
 
 /// A path tracer: prefer it wherever light is not mainly found through narrow openings or focused by glass.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathTracing {
     /// How direct light is found.
     pub strategy: Strategy,
+    /// Longest path in edges, where the scene does not set a lower limit: 2 for direct light alone.
+    pub max_depth: u32,
+}
+
+impl Default for PathTracing {
+    fn default() -> Self {
+        Self { strategy: Strategy::default(), max_depth: u32::MAX }
+    }
 }
 
 /// What one camera sample found. Radiance is `diffuse + specular`.
@@ -92,12 +102,37 @@ impl PathTracing {
     pub fn trace_observed<S: Sampler>(
         &self,
         scene: &Scene,
+        ray: Ray,
+        sampler: &mut S,
+        observe: impl FnMut(Vertex),
+    ) -> PathSample {
+        self.walk::<S, false>(scene, ray, sampler, observe, |_| ControlFlow::Continue(()))
+    }
+
+    /// Follows one camera ray without the light that [`Receiver::scatter`] leads straight from emitters to the camera:
+    /// `receive` is given the receiver, if the ray meets one that may be lit, and may end the walk there. With the light that
+    /// reaches the receiver directly this has the mean of [`PathTracing::trace`]; its shadow ray's visibility is 0.
+    pub fn trace_without_direct<'a, S: Sampler>(
+        &self,
+        scene: &'a Scene,
+        ray: Ray,
+        sampler: &mut S,
+        receive: impl FnMut(Receiver<'a>) -> ControlFlow<()>,
+    ) -> PathSample {
+        self.walk::<S, true>(scene, ray, sampler, |_| {}, receive)
+    }
+
+    /// The walk of both. Which of them it is, is known when it is compiled, so that path tracing does not pay for it.
+    fn walk<'a, S: Sampler, const WITHOUT_DIRECT: bool>(
+        &self,
+        scene: &'a Scene,
         mut ray: Ray,
         sampler: &mut S,
         mut observe: impl FnMut(Vertex),
+        mut receive: impl FnMut(Receiver<'a>) -> ControlFlow<()>,
     ) -> PathSample {
         let mut sample = PathSample::default();
-        let max_depth = scene.limits.max_depth.unwrap_or(u32::MAX);
+        let max_depth = scene.limits.max_depth.unwrap_or(u32::MAX).min(self.max_depth);
         // The weight of the first scattering is kept apart, in its two parts: all light found after it is summed up
         // in `indirect` and split by them at the end.
         let (mut first_diffuse, mut first_specular) = (Rgb::BLACK, Rgb::BLACK);
@@ -111,10 +146,15 @@ impl PathTracing {
         let length = ray.origin.distance(scene.camera.center());
         let mut features = FeatureWalk { length, ..FeatureWalk::default() };
         let mut depth = 0u32;
+        // Of a walk without direct light: has it met the receiver, and did the receiver's smooth lobe scatter last?
+        let (mut is_received, mut is_left_out) = (false, false);
 
         while depth < max_depth {
             depth += 1;
             let Some(hit) = scene.geometry.intersect(&ray) else {
+                if WITHOUT_DIRECT && is_left_out {
+                    break;
+                }
                 let radiance = self.background(scene, &ray, &departure, depth);
                 if scatterings == 0 {
                     sample.specular += throughput * radiance;
@@ -131,6 +171,7 @@ impl PathTracing {
             let mut emitted = Rgb::BLACK;
             if let Some(id) = surface.emitter
                 && !(scene.limits.hide_emitters && depth == 1)
+                && !(WITHOUT_DIRECT && is_left_out)
             {
                 let radiance = scene.emitters.radiance(id, &at, -ray.direction);
                 if !radiance.is_black() {
@@ -172,7 +213,19 @@ impl PathTracing {
             }
 
             // Direct light.
-            if self.strategy != Strategy::Bsdf
+            let is_receiver = WITHOUT_DIRECT && !is_received && shading.bsdf.has_smooth();
+            if is_receiver {
+                is_received = true;
+                let receiver = Receiver {
+                    at,
+                    shading: shading.clone(),
+                    throughput: first_weight * throughput,
+                    is_first: scatterings == 0,
+                };
+                if receive(receiver).is_break() {
+                    break;
+                }
+            } else if self.strategy != Strategy::Bsdf
                 && shading.bsdf.has_smooth()
                 && let Some(light) = scene.emitters.sample(at.position, u_selection, u_light)
             {
@@ -208,6 +261,13 @@ impl PathTracing {
                 pdf: scattered.pdf,
                 is_delta: scattered.is_delta(),
             };
+
+            if WITHOUT_DIRECT {
+                is_left_out = is_receiver && !departure.is_delta;
+                if is_left_out && depth + 1 == max_depth {
+                    break;
+                }
+            }
 
             // Russian roulette.
             let importance = (first_weight * throughput).max_component();

@@ -3,8 +3,10 @@
 mod bidirectional;
 mod chains;
 mod method;
+mod redistribution;
 mod sampled;
 mod units;
+mod visibility;
 
 pub use method::Report;
 pub use sampled::replay;

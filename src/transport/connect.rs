@@ -1,6 +1,6 @@
 //! Every way of joining a walk from an emitter with one from the lens.
 
-use super::mis::{Heuristic, others, weight};
+use super::mis::{Heuristic, nearest_other, others, weight};
 use super::path::{Event, Path};
 use super::vertex::{LightVertex, Vertex};
 use super::visibility::{connecting_ray, shadow_ray, transmittance};
@@ -31,6 +31,25 @@ pub struct Contribution {
     pub weight: f64,
 }
 
+impl Contribution {
+    /// Luminance, weighted.
+    pub fn luminance(&self) -> f64 {
+        f64::from((self.diffuse + self.specular).luminance()) * self.weight
+    }
+}
+
+/// Which ways of finding a path there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strategies {
+    /// All, also light that walks into a lens of finite size.
+    #[default]
+    All,
+    /// All that end on a point of the lens that the camera chose: those of Markov chains.
+    ToLens,
+    /// Those of path tracing: walks from the camera, joined with a point of an emitter or meeting one themselves.
+    FromCamera,
+}
+
 /// A pair of walks.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair<'a, 's> {
@@ -38,6 +57,8 @@ pub struct Pair<'a, 's> {
     pub scene: &'s Scene,
     /// How weights are made.
     pub heuristic: Heuristic,
+    /// Which strategies there are.
+    pub strategies: Strategies,
     /// The walk from the eye.
     pub eye: &'a Subpath<'s>,
     /// Raster position of its ray, in pixels.
@@ -175,11 +196,23 @@ impl<'s> Pair<'_, 's> {
         self.scene.limits.hide_emitters && edges == 1
     }
 
+    /// The strategies with more vertices from the light than the one that connects after the eye's `nodes` first vertices; as
+    /// [`others`].
+    fn eye_others(&self, nodes: usize, [pdf, pdf_previous]: [f64; 2]) -> f64 {
+        let nodes = &self.eye.nodes[..nodes];
+        match self.strategies {
+            Strategies::All | Strategies::ToLens => {
+                others(nodes, pdf, pdf_previous, self.heuristic)
+            }
+            Strategies::FromCamera => nearest_other(nodes, pdf, self.heuristic),
+        }
+    }
+
     /// The share of a path that the eye's walk found whole. Only that one finds what is seen directly.
     fn hit_weight(&self, nodes: usize, pdf: f64, pdf_previous: f64) -> f64 {
         match nodes {
             2 => 1.0,
-            _ => weight(0.0, others(&self.eye.nodes[..nodes], pdf, pdf_previous, self.heuristic)),
+            _ => weight(0.0, self.eye_others(nodes, [pdf, pdf_previous])),
         }
     }
 
@@ -285,12 +318,13 @@ impl<'s> Pair<'_, 's> {
                 0.0,
                 self.heuristic,
             ),
-            others(
-                &self.eye.nodes[..z + 2],
-                pdf_emission * surface.cosine(direction) / distance2,
-                back,
-                self.heuristic,
-            ),
+            match self.strategies {
+                Strategies::FromCamera => 0.0,
+                _ => self.eye_others(
+                    z + 2,
+                    [pdf_emission * surface.cosine(direction) / distance2, back],
+                ),
+            },
         );
         self.contribution(self.raster, [1, z + 2], parts.map(|part| part * visible), weight)
     }
@@ -356,7 +390,7 @@ impl<'s> Pair<'_, 's> {
         let scattered = surface.shading.bsdf.eval(to_eye, light_side);
         let distance2 = f64::from(view.distance).powi(2);
         let cosine = surface.cosine(view.direction);
-        let raster_pdf = camera.raster_pdf(view.direction);
+        let raster_pdf = self.raster_pdf(view.direction);
         let light =
             step.throughput * (cosine * raster_pdf / (surface.cosine(step.previous) * distance2));
         let parts = [colour(scattered.diffuse) * light, colour(scattered.specular) * light];

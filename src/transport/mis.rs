@@ -120,6 +120,14 @@ pub fn others(nodes: &[Node], pdf: f64, pdf_previous: f64, heuristic: Heuristic)
     product(factor, connects + product(factor_previous, exists(nodes, previous) + beyond))
 }
 
+/// Of the sum of [`others`] only the strategy that connects right before the last vertex.
+#[inline]
+pub fn nearest_other(nodes: &[Node], pdf: f64, heuristic: Heuristic) -> f64 {
+    let last = nodes.len() - 1;
+    let connects = last > 0 && !nodes[last - 1].is_delta;
+    if connects { heuristic.raise(ratio(pdf, nodes[last].pdf)) } else { 0.0 }
+}
+
 /// Weight of the strategy used, from the sums of both sides. Where they are not finite some other strategy finds the path
 /// infinitely more often, and the weight is 0.
 #[inline]

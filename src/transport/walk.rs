@@ -102,6 +102,8 @@ pub struct Walker<'s> {
     pub rr_depth: u32,
     /// How weights are made.
     pub heuristic: Heuristic,
+    /// Does light walk into the lens? Only if that is of finite size.
+    pub sees_lens: bool,
 }
 
 /// A ray, and the density of the vertex it will find.
@@ -131,7 +133,7 @@ impl<'s> Walker<'s> {
     ) {
         let camera = &self.scene.camera;
         let ray = camera.ray(raster, lens);
-        let is_hittable = camera.aperture_radius() > 0.0;
+        let is_hittable = self.sees_lens;
         path.begin(Node { pdf: camera.lens_pdf(), is_hittable, cosine: 1.0, ..Node::default() });
         let departure = Departure {
             pdf: camera.raster_pdf(ray.direction) * self.scene.film.crop_pdf(),
@@ -262,16 +264,11 @@ impl<'s> Walker<'s> {
                 origin: surface.at.position,
                 has_cosine: true,
             };
-            if side == Side::Light && self.sees_lens() {
+            if side == Side::Light && self.sees_lens {
                 let parts = leaving.weight.map(|part| part * path.steps[step as usize].throughput);
                 path.crossings.extend(self.crossing(step as usize, &departure, parts));
             }
         }
-    }
-
-    /// Is the aperture of finite size, so that light can walk into it?
-    fn sees_lens(&self) -> bool {
-        self.scene.camera.aperture_radius() > 0.0
     }
 
     /// Where the ray goes through the aperture before it meets a surface.

@@ -25,7 +25,7 @@ pub(crate) fn seeds<'s>(
     let [left, top, columns, rows] = scene.film.crop.map(|pixels| pixels as f32);
     let raster = Vec2::new(left, top) + sampler.next_2d() * Vec2::new(columns, rows);
     let lens = sampler.next_2d();
-    let integrator = Bdpt { heuristic: Heuristic::Balance };
+    let integrator = Bdpt { heuristic: Heuristic::Balance, ..Bdpt::default() };
     let pair = integrator.walk(scene, raster, lens, sampler, workspace);
     let mut found = Vec::new();
     pair.connect(scene.limits.max_depth.expect("a limit"), &mut found);

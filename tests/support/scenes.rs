@@ -37,7 +37,7 @@ pub(crate) fn settings(samples: u32, seed: u64, strategy: Strategy) -> RenderSet
         budget: Budget::Samples(samples),
         seed,
         sampler: SamplerKind::Independent,
-        integrator: PathTracing { strategy }.into(),
+        integrator: PathTracing { strategy, ..PathTracing::default() }.into(),
         ..RenderSettings::default()
     }
 }

@@ -135,6 +135,7 @@ fn light_that_does_not_come_through_the_lens_is_not_seen() {
     assert_eq!(pinhole().lens_hit(&Ray::new(along(3.0), -axis)), None);
     assert_eq!(camera.lens_hit(&Ray::new(along(3.0), axis)), None);
     assert_eq!(camera.lens_hit(&Ray::new(along(-3.0), axis)), None);
+    assert_eq!(camera.lens_hit_from_infinity(&Ray::new(along(-3.0), axis)), None);
     // Just inside and just outside the rim.
     let shifted = |by: f32| Ray::new(along(3.0) + side * by, -axis);
     assert!(camera.lens_hit(&shifted(0.249)).is_some());
