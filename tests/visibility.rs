@@ -1,17 +1,16 @@
 //! Correlated visibility sampling: METHODS 13.5.
 
 use crate::support::mean::Mean;
-use crate::support::scenes::{scene_around, settings};
+use crate::support::scenes::{render_finite, scene_around, settings};
 use crate::support::{LEVEL, sidak};
-use quietlight::integrator::Strategy;
 use quietlight::integrator::correlated_visibility::{
     CorrelatedVisibility, MarkSource, PixelSums, VisibilityRendering,
 };
-use quietlight::render::render;
+use quietlight::integrator::{Integrator, PathTracing, Strategy};
+use quietlight::render::{RenderSettings, Rendered};
 use quietlight::scene::Scene;
 use quietlight_denoise::{LUMINANCE, LayerKind};
 use statrs::distribution::{ContinuousCDF, StudentsT};
-use std::sync::atomic::AtomicBool;
 
 /// A finished half.
 fn rendered<'a>(
@@ -65,8 +64,7 @@ fn by_exchange(
 }
 
 fn by_path_tracing(scene: &Scene, samples: u32, seed: u64, side: usize) -> Vec<f64> {
-    let rendered =
-        render(scene, &settings(samples, seed, Strategy::Mis), &|_| {}, &AtomicBool::new(false));
+    let rendered = render_finite(scene, &settings(samples, seed, Strategy::Mis));
     let beauty = &rendered.layers.layers[&LayerKind::Beauty].mean;
     let (_, height, width) = beauty.dim();
     let pixels: Vec<f64> = (0..height * width)
@@ -103,7 +101,6 @@ fn assert_same(what: &str, a: &[Mean], b: &[Mean]) {
     let scores = scores(a, b);
     let square = mean_square(&scores);
     let largest = scores.iter().fold(0.0f64, |largest, z| largest.max(z.abs()));
-    println!("{what}: mean z² {square:.2}, largest |z| {largest:.2}");
     // Blocks that share chains are correlated: METHODS has n / 4 for the effective number.
     let bound = 1.0 + 4.0 * (2.0 * 4.0 / scores.len() as f64).sqrt();
     assert!(square < bound, "{what}: mean z² {square:.2} of {scores:.1?}, bound {bound:.2}");
@@ -170,6 +167,267 @@ fn all_other_light_is_that_of_path_tracing() {
     same_as_path_tracing("all", &blockers(6, &lights), CorrelatedVisibility::default());
 }
 
-fn unused() {
-    let _ = MarkSource::Same;
+#[test]
+fn chains_of_any_length_and_number_have_the_mean_of_path_tracing() {
+    let scene = blockers(2, &format!("{LAMPS}{SKY}"));
+    let default = CorrelatedVisibility::default();
+    let traced = replicas(64, |seed| by_path_tracing(&scene, 32, seed, 2));
+    for settings in [
+        // Equal deposition as in METHODS 7.3: long chains, as many as the energy asks for.
+        CorrelatedVisibility { steps: 16, min_chains: 0, mutations: 16, ..default },
+        // Much energy in few chains, which makes up for their number.
+        CorrelatedVisibility { mutations: 32, max_chains: 1, ..default },
+        CorrelatedVisibility { candidates: 1, shadow_rays: 1, dilation: 0, hits: 3, ..default },
+    ] {
+        let exchanged = replicas(64, |seed| by_exchange(&scene, settings, 4, seed, 2));
+        assert_same(&format!("{settings:?}"), &exchanged, &traced);
+    }
+}
+
+/// A Lambertian floor of reflectance 0.6 filling the picture.
+fn floor(light: &str) -> Scene {
+    scene_around(
+        4,
+        20.0,
+        2,
+        &format!(
+            r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-1"/></transform>
+            <bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf></shape>{light}"#
+        ),
+    )
+}
+
+#[test]
+fn resampling_finds_the_albedo_in_constant_light_for_any_number_of_candidates() {
+    let scene = floor(r#"<emitter type="constant"><rgb name="radiance" value="1"/></emitter>"#);
+    let mut variances = Vec::new();
+    for [candidates, shadow_rays] in [[1, 1], [4, 1], [16, 4], [64, 16]] {
+        let settings =
+            CorrelatedVisibility { candidates, shadow_rays, mutations: 0, ..Default::default() };
+        let hits = 64;
+        let mut mean = Mean::default();
+        for seed in 0..64 {
+            let half = rendered(&scene, settings, seed, hits);
+            mean.extend(half.sums().iter().map(|sums| luminance(sums) / f64::from(hits)));
+            let most = u64::from(shadow_rays * hits) * 16;
+            // Half of the light's candidates are below the horizon, a quarter of all: only with one is there often no ray.
+            let fewest = if candidates == 1 { most * 5 / 8 } else { most / 2 };
+            let rays = half.ledger().shadow_rays;
+            assert!((fewest..=most).contains(&rays), "{rays} shadow rays, {fewest} to {most}");
+            for sums in half.sums() {
+                assert_eq!(sums.seen.visible, f64::from(sums.seen.of));
+                assert_eq!(sums.seen.of % shadow_rays, 0);
+            }
+        }
+        let p = mean.p_against(0.6);
+        assert!(p > sidak(LEVEL, 4), "{candidates} candidates: {} p {p:.2e}", mean.mean());
+        variances.push(mean.variance());
+    }
+    assert!(variances.is_sorted_by(|a, b| a > b), "{variances:?}");
+}
+
+#[test]
+fn unoccluded_light_is_that_of_path_tracing_with_less_noise() {
+    // Nothing is in the way: with as many shadow rays (32 samples of one, and one walk into the light, against 4 of 4 out of 64
+    // candidates) resampling has the same mean.
+    let scene = floor(
+        r#"<shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><translate x="1" z="1"/></transform>
+        <emitter type="area"><rgb name="radiance" value="6 5 4"/></emitter></shape>
+        <shape type="sphere"><point name="center" x="-2" y="1" z="0.5"/><float name="radius" value="0.3"/>
+        <emitter type="area"><rgb name="radiance" value="3 6 9"/></emitter></shape>"#,
+    );
+    let settings = CorrelatedVisibility { candidates: 64, mutations: 0, ..Default::default() };
+    let resampled = replicas(64, |seed| by_exchange(&scene, settings, 4, seed, 1));
+    let traced = replicas(64, |seed| by_path_tracing(&scene, 16, seed, 1));
+    assert_same("unoccluded", &resampled, &traced);
+    let variance = |means: &[Mean]| means.iter().map(Mean::variance).sum::<f64>();
+    let (ours, theirs) = (variance(&resampled), variance(&traced));
+    assert!(ours < theirs, "{ours:.2e} {theirs:.2e}");
+}
+
+/// A floor 4 in front of the camera, a lamp 2 behind it, |x| < 0.2, and a half plane x < 0 that covers it from 1 behind the
+/// camera. From `x` on the floor the lamp's point `l` is seen over `x + (l - x) 5/6` on the half plane: light from all of
+/// the lamp arrives where `x > 1`, none where `x < -1`.
+fn penumbra() -> Scene {
+    scene_around(
+        24,
+        60.0,
+        2,
+        r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-4"/></transform>
+            <bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>
+        <shape type="rectangle"><transform name="to_world"><scale x="20" y="40"/><translate x="-20" z="1"/></transform>
+            <bsdf type="twosided"><bsdf type="diffuse"/></bsdf></shape>
+        <shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><scale x="0.2" y="1"/>
+            <translate z="2"/></transform><emitter type="area"><rgb name="radiance" value="20"/></emitter></shape>"#,
+    )
+}
+
+/// Columns of the penumbra scene's picture, as x on the floor.
+fn column_range(column: usize) -> [f64; 2] {
+    let half = 4.0 * 30f64.to_radians().tan();
+    [column, column + 1].map(|edge| (edge as f64 / 12.0 - 1.0) * half)
+}
+
+#[test]
+fn only_pixels_of_the_penumbra_are_marked_and_all_of_them_with_many_shadow_rays() {
+    let scene = penumbra();
+    let mut shares = Vec::new();
+    for shadow_rays in [1, 2, 4, 16] {
+        let settings = CorrelatedVisibility {
+            shadow_rays,
+            candidates: 8 * shadow_rays,
+            dilation: 0,
+            pilot_hits: 2,
+            ..Default::default()
+        };
+        let half = rendered(&scene, settings, 7, 1);
+        let marks = half.marks().expect("there was a pilot");
+        let (mut marked, mut inside) = (0, 0);
+        for pixel in 0..24 * 24 {
+            let [low, high] = column_range(pixel % 24);
+            if low > 1.0 || high < -1.0 {
+                assert_eq!(marks.slot(pixel), None, "column {} is not in the penumbra", pixel % 24);
+            } else if low > -0.8 && high < 0.8 {
+                inside += 1;
+                marked += usize::from(marks.slot(pixel).is_some());
+            }
+        }
+        shares.push(marked as f64 / inside as f64);
+    }
+    assert!(shares.is_sorted_by(|a, b| a < b) && shares[3] > 0.97, "{shares:.3?}");
+}
+
+#[test]
+fn marks_of_the_same_samples_are_biased_the_less_the_more_shadow_rays() {
+    let scene = penumbra();
+    let columns = |settings: CorrelatedVisibility, seed: u64| {
+        let half = rendered(&scene, settings, seed, 1);
+        let mut columns = vec![0.0; 24];
+        for (pixel, sums) in half.sums().iter().enumerate() {
+            columns[pixel % 24] += luminance(sums) / 24.0;
+        }
+        columns
+    };
+    // Means of z² of 24 correlated columns, as in `assert_same`: what is above this is a difference.
+    let bound = 1.0 + 4.0 * (2.0 * 4.0 / 24.0f64).sqrt();
+    let mut results = Vec::new();
+    for shadow_rays in [2, 8] {
+        let settings = |marks| CorrelatedVisibility {
+            shadow_rays,
+            candidates: 8 * shadow_rays,
+            dilation: 0,
+            marks,
+            mutations: 16,
+            ..Default::default()
+        };
+        let of = |marks, first: u64| replicas(600, |seed| columns(settings(marks), first + seed));
+        let (pilot, same) = (of(MarkSource::Pilot, 1), of(MarkSource::Same, 2000));
+        let again = of(MarkSource::Pilot, 4000);
+        let peak = pilot.iter().map(Mean::mean).fold(0.0, f64::max);
+        let bias = pilot.iter().zip(&same).map(|(p, s)| (s.mean() - p.mean()).abs() / peak);
+        let bias = bias.fold(0.0, f64::max);
+        let square = mean_square(&scores(&same, &pilot));
+        let unbiased = mean_square(&scores(&again, &pilot));
+        assert!(unbiased < bound, "pilot: {unbiased:.2}");
+        results.push((bias, square));
+    }
+    assert!(results[0].1 > bound, "no bias seen: {results:.3?}");
+    assert!(results[1].0 < results[0].0, "{results:.3?}");
+}
+
+#[test]
+fn what_chains_are_given_is_what_they_deposit() {
+    let scene = blockers(2, &format!("{LAMPS}{SKY}"));
+    let default = CorrelatedVisibility::default();
+    let mut balance = Mean::default();
+    for (seed, settings) in [
+        default,
+        CorrelatedVisibility { steps: 16, min_chains: 0, mutations: 16, ..default },
+        CorrelatedVisibility { max_chains: 1, mutations: 100, ..default },
+    ]
+    .into_iter()
+    .cycle()
+    .take(48)
+    .enumerate()
+    {
+        let half = rendered(&scene, settings, seed as u64, 4);
+        let ledger = half.ledger();
+        assert!(ledger.found > 0.0 && ledger.chains > 0);
+        let lost = (ledger.deposited / ledger.given - 1.0).abs();
+        assert!(lost < 1e-9, "{settings:?}: {ledger:?}");
+        balance.add(ledger.given / ledger.found);
+    }
+    let p = balance.p_against(1.0);
+    assert!(p > LEVEL, "given / found {} p {p:.2e}", balance.mean());
+}
+
+#[test]
+fn the_exchange_has_the_same_bits_on_any_number_of_threads() {
+    let scene = blockers(4, &format!("{LAMPS}{SKY}"));
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| {
+            let half = rendered(&scene, CorrelatedVisibility::default(), 3, 12);
+            (half.sums().to_vec(), *half.ledger())
+        })
+    };
+    let one = on(1);
+    assert_eq!(one, on(2));
+    assert_eq!(one, on(8));
+}
+
+#[test]
+fn extremes_stay_finite_and_dark_stays_dark() {
+    let default = CorrelatedVisibility::default();
+    let black = [
+        String::new(),
+        r#"<emitter type="constant"><rgb name="radiance" value="0"/></emitter>"#.to_owned(),
+    ];
+    for light in black {
+        let scene = blockers(2, &light);
+        let half = rendered(&scene, default, 1, 4);
+        assert!(half.sums().iter().all(|sums| luminance(sums) == 0.0));
+        assert!(half.marks().is_some_and(|marks| marks.is_empty()));
+    }
+    // One pixel has no neighbour to exchange with; all pixels marked, or none, is no special case.
+    let mut scene = blockers(2, LAMPS);
+    for crop in [[8, 8, 1, 1], [0, 9, 16, 1], [9, 0, 1, 16], [7, 9, 2, 2]] {
+        scene.film.crop = crop;
+        for dilation in [0, 100] {
+            let half = rendered(&scene, CorrelatedVisibility { dilation, ..default }, 1, 4);
+            assert!(half.sums().iter().all(|sums| luminance(sums).is_finite()));
+        }
+    }
+    // Energies that differ by 10¹⁶, and more chains asked for than are allowed.
+    let lamps = LAMPS.replace("6 5 4", "1e8 1e8 1e8").replace("3 6 9", "1e-8 1e-8 1e-8");
+    let scene = blockers(2, &lamps);
+    let many = CorrelatedVisibility { mutations: 1 << 20, max_chains: 3, ..default };
+    for settings in [default, many] {
+        let half = rendered(&scene, settings, 1, 2);
+        let ledger = half.ledger();
+        assert!((ledger.deposited / ledger.given - 1.0).abs() < 1e-9, "{ledger:?}");
+        assert!((ledger.given / ledger.found - 1.0).abs() < 0.1, "{ledger:?}");
+        assert!(half.sums().iter().all(|sums| luminance(sums).is_finite()));
+    }
+}
+
+#[test]
+fn the_driver_renders_it_as_it_does_path_tracing() {
+    let scene = blockers(4, &format!("{LAMPS}{SKY}"));
+    let with = |integrator: Integrator, seed| {
+        let settings = RenderSettings { integrator, ..settings(65, seed, Strategy::Mis) };
+        render_finite(&scene, &settings)
+    };
+    let exchanged = with(Integrator::Visibility(CorrelatedVisibility::default()), 1);
+    let traced = with(PathTracing::default().into(), 2);
+    assert_eq!(exchanged.samples, 65);
+    for kind in [LayerKind::Diffuse, LayerKind::Specular] {
+        let mean = |rendered: &Rendered| {
+            let mean = &rendered.layers.layers[&kind].mean;
+            mean.iter().map(|&value| f64::from(value)).sum::<f64>() / mean.len() as f64
+        };
+        // 16 × 16 pixels of 65 samples know the mean of the picture to about 1 %.
+        let (ours, theirs) = (mean(&exchanged), mean(&traced));
+        assert!((ours / theirs - 1.0).abs() < 0.05, "{kind:?}: {ours} {theirs}");
+    }
 }

@@ -138,7 +138,10 @@ fn pair<'s>(scene: &'s Scene, index: u64, workspace: &mut Workspace<'s>) -> Vec<
             let path = walks.path(one.s, one.t)?;
             // f / (q_0 + q_1), from f / q_0 and f / q_1.
             let density: f64 = [0, 1].map(|s| (-path.ln_contribution(s)).exp()).iter().sum();
-            let of_path = if density > 0.0 { 1.0 / density } else { f64::INFINITY };
+            // What the walks survived of roulette; path tracing would have had to, as well.
+            let survival =
+                one.luminance() / one.weight * (-path.ln_contribution(one.s as usize)).exp();
+            let of_path = if density > 0.0 { survival / density } else { f64::INFINITY };
             Some(Found { cell: cell(one.raster), value: one.luminance(), of_path })
         })
         .collect()

@@ -21,6 +21,8 @@ mod exchange;
 mod light;
 pub mod marks;
 pub mod sir;
+#[cfg(test)]
+mod tests;
 
 use super::path_tracing::PathTracing;
 use super::receiver::Receiver;

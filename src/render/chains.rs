@@ -97,7 +97,8 @@ impl<'a, M: MarkovChains> Chains<'a, M> {
         Self {
             scene,
             method,
-            film: SplatFilm::new(scene.film),
+            // The squares are not the variance, but they have its shape from pixel to pixel; the halves give its size.
+            film: SplatFilm::of_independent(scene.film),
             direct: method.direct().then(|| Sampled::of_direct(scene, settings)),
             chains,
             normalisation: [0, 1].map(|half| (pools[half].mean(), pools[half].error())),
@@ -182,6 +183,10 @@ impl<M: MarkovChains> Method for Chains<'_, M> {
             None => Radiance::Replaced,
         };
         self.film.put_into(layers, &self.scale(), radiance);
+    }
+
+    fn is_independent(&self) -> bool {
+        false
     }
 
     fn invalid(&self) -> u64 {

@@ -29,6 +29,11 @@ pub(super) trait Method: Debug {
     /// variance where the method knows it.
     fn put_radiance(&self, layers: &mut Layers);
 
+    /// Are its samples independent of each other, so that the variance it gives needs no correction by the halves?
+    fn is_independent(&self) -> bool {
+        true
+    }
+
     /// Non-finite contributions dropped so far.
     fn invalid(&self) -> u64;
 

@@ -54,7 +54,8 @@ impl<'s> Redistribution<'s> {
             erpt,
             seed: settings.seed,
             energy: energies.iter().sum::<f64>() / PROBES as f64,
-            film: SplatFilm::new(scene.film),
+            // The squares are not the variance, but they have its shape from pixel to pixel; the halves give its size.
+            film: SplatFilm::of_independent(scene.film),
             proposals: erpt.proposal_limit.map(|_| SplatFilm::new(scene.film)),
             direct: erpt.separate_direct.then(|| Sampled::of_direct(scene, settings)),
             passes: 0,
@@ -139,6 +140,10 @@ impl Method for Redistribution<'_> {
             Some(limited) => limited.put_into(layers, &scale, radiance),
             None => self.film.put_into(layers, &scale, radiance),
         }
+    }
+
+    fn is_independent(&self) -> bool {
+        false
     }
 
     fn invalid(&self) -> u64 {

@@ -248,6 +248,6 @@ mod tests {
                 }
             }
         }
-        assert_eq!(count, 9);
+        assert_eq!(count, 10);
     }
 }

@@ -54,10 +54,10 @@ pub(super) struct Exchange<'e, 'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct State {
     /// Which of the receivers.
-    receiver: u32,
-    light: Light,
+    pub(super) receiver: u32,
+    pub(super) light: Light,
     /// Unit vector to the light, and its distance.
-    direction: Vec3,
+    pub(super) direction: Vec3,
     distance: f32,
     /// Light of unit luminance: the state's colour over its target density.
     diffuse: Rgb,

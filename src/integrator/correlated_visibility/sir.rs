@@ -206,3 +206,55 @@ fn lattice(index: u32, shift: Vec3) -> Vec3 {
     // Rounding to single precision must not give 1.
     (point - point.floor()).as_vec3().min(Vec3::splat(1.0 - f32::EPSILON / 2.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_candidates_of_one_to_three_are_the_worked_example() {
+        // METHODS N.10: p̂ = (1, 3), q = 1, L̂ = 2; visible is the first alone, chosen with probability 1/4: mean 0.5.
+        let weights = [1.0, 3.0];
+        let unshadowed = weights.iter().sum::<f64>() / 2.0;
+        let mut mean = 0.0;
+        for step in 0..1000 {
+            resample(&weights, 1, (f64::from(step) + 0.5) / 1000.0, |index, times| {
+                assert_eq!(times, 1);
+                mean += if index == 0 { unshadowed / 1000.0 } else { 0.0 };
+            });
+        }
+        assert!((mean - 0.5).abs() < 1e-12, "{mean}");
+    }
+
+    #[test]
+    fn choices_are_as_many_as_asked_for_and_in_proportion() {
+        let weights = [0.0, 5.0, 1e-9, 2.0, 0.0, 3.0, 0.0];
+        for count in [1, 4, 10, 1000] {
+            let steps = 400;
+            let mut times_chosen = [0u32; 7];
+            for step in 0..steps {
+                let mut all = 0;
+                resample(&weights, count, f64::from(step) / f64::from(steps), |index, times| {
+                    times_chosen[index] += times;
+                    all += times;
+                });
+                assert_eq!(all, count);
+            }
+            for (index, weight) in weights.iter().enumerate() {
+                let expected = weight / 10.0 * f64::from(count * steps);
+                let chosen = f64::from(times_chosen[index]);
+                // Each edge between two weights is met to within one of the steps.
+                assert!((chosen - expected).abs() <= 2.0 * f64::from(count), "{index} of {count}");
+                assert!(*weight > 0.0 || chosen == 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn lattice_points_stay_below_one() {
+        for index in 0..10_000 {
+            let point = lattice(index, Vec3::new(0.0, 0.999_999_9, 0.5));
+            assert!(point.min_element() >= 0.0 && point.max_element() < 1.0, "{point}");
+        }
+    }
+}
