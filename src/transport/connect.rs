@@ -471,5 +471,6 @@ impl<'s> Pair<'_, 's> {
 }
 
 fn is_dark(parts: [DVec3; 2]) -> bool {
-    !((parts[0] + parts[1]).max_element() > 0.0)
+    let light = (parts[0] + parts[1]).max_element();
+    light <= 0.0 || light.is_nan()
 }

@@ -267,7 +267,7 @@ impl<'s> Walker<'s> {
             }
             eta_squared *= leaving.eta_squared;
             let importance = throughput.max_element() * relative;
-            if !(importance > 0.0) {
+            if importance <= 0.0 || importance.is_nan() {
                 return;
             }
             if step + 1 >= self.rr_depth {

@@ -1,7 +1,7 @@
 //! The extremes of METHODS 14 for bidirectional path tracing, through the renderer: finite, no panic, and the property that
 //! each row names.
 
-use super::{AREA, GLASS, room};
+use super::{AREA, GLASS, film, room, room_around};
 use crate::support::scenes::{
     assert_equal_energy, assert_mean, layer, mean_and_error, render_finite, scene_around,
     scene_from, settings,
@@ -35,7 +35,8 @@ fn is_black(rendered: &Rendered) -> bool {
 
 #[test]
 fn one_two_and_eight_threads_give_the_same_bits() {
-    let scene = room(6, GLASS, AREA);
+    // Wide enough for several tiles, so that threads share it.
+    let scene = film(100, 40, 6, "", &room_around(GLASS, AREA));
     for sampler in [SamplerKind::Sobol, SamplerKind::Independent] {
         let settings = RenderSettings { sampler, ..bidirectional(9, 5) };
         let on = |threads| {
