@@ -6,7 +6,7 @@ use super::{MarkovChains, Splat};
 use crate::mcmc::{Chain, Statistics};
 use crate::sampler::{IndependentSampler, Sampler, Stream};
 use crate::scene::Scene;
-use crate::transport::connect::{Pair, Strategies};
+use crate::transport::connect::{Contribution, Pair, Strategies};
 use crate::transport::mis::Heuristic;
 use crate::transport::path::Path;
 use glam::Vec2;
@@ -50,6 +50,11 @@ pub(super) fn shortest(separate_direct: bool) -> u32 {
     if separate_direct { 3 } else { 1 }
 }
 
+/// Is that path one of those that chains of paths visit: long enough, and seen through the crop window?
+pub(super) fn is_state(scene: &Scene, found: &Contribution, separate_direct: bool) -> bool {
+    found.s + found.t > shortest(separate_direct) && scene.film.crop_pixel(found.raster).is_some()
+}
+
 /// The walks of a draw; the raster point is uniform over the crop window.
 pub(super) fn walks<'a, 's>(
     scene: &'s Scene,
@@ -88,7 +93,7 @@ impl MarkovChains for Mlt {
         found.extend(
             contributions
                 .iter()
-                .filter(|one| one.s + one.t > shortest(self.separate_direct))
+                .filter(|one| is_state(scene, one, self.separate_direct))
                 .map(|one| (PathSeed { draw: index, s: one.s, t: one.t }, one.luminance())),
         );
     }
