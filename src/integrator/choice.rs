@@ -18,8 +18,8 @@ const SHARE: u64 = 1 << 10;
 /// Cells along the longer side of the picture whose brightness noise is compared with.
 const CELLS: u32 = 16;
 
-/// What one sample of bidirectional path tracing costs, in samples of path tracing, and what Sobol points and the pixels' own
-/// samples leave of its advantage: see models and figures in the README of `scenes`.
+/// What one sample of bidirectional path tracing costs, in samples of path tracing: measured in the Cornell box, with a mirror
+/// and glass, and at the ajar door, 2.9 to 3.3.
 const COST_OF_PAIR: f64 = 3.2;
 
 /// Noise of a bidirectional sample from which on chains, which stay where light was found, are better.
