@@ -230,7 +230,7 @@ fn replace<'s, S: Sampler>(
     if !is_hit {
         let edge = left + split - 1;
         let vertices = state.vertices();
-        if !(between(scene, &vertices[edge], &vertices[edge + 1]) > 0.0) {
+        if between(scene, &vertices[edge], &vertices[edge + 1]) <= 0.0 {
             return Err(Failure::Blocked);
         }
     }
