@@ -192,6 +192,7 @@ fn spread_energy_has_the_mean_of_path_tracing() {
         ("small deposits", usual, 0.1),
         ("usual deposits", usual, 1.0),
         ("large deposits", usual, 10.0),
+        ("all mutations", Erpt { mutations: Mutations::default(), ..usual }, 1.0),
         ("lens alone", Erpt { mutations: LENS, ..usual }, 1.0),
         ("caustic alone", Erpt { mutations: CAUSTIC, ..usual }, 1.0),
         ("seeds from the camera", Erpt { seeds: Strategies::FromCamera, ..usual }, 1.0),
