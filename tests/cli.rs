@@ -372,3 +372,90 @@ fn ctrl_c_drops_the_views_under_way_and_exits_with_130() {
     assert_eq!(views, 0, "nothing half-written is left");
     assert!(folder.path().join("set/manifest.json").exists());
 }
+
+/// All that `--integrator` can name.
+const INTEGRATORS: [&str; 7] = ["auto", "path", "bdpt", "pssmlt", "mlt", "erpt", "visibility"];
+
+#[test]
+fn every_integrator_renders_and_says_which_it_was() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = own_scene("cornell-box");
+    let facts = quietlight(&["inspect", &scene, "--json"], folder.path());
+    let facts: serde_json::Value =
+        serde_json::from_slice(&facts.stdout).expect("JSON on standard output");
+    let chosen = facts["integrator"].as_str().expect("a name");
+    assert!(INTEGRATORS[1..].contains(&chosen), "{chosen}");
+    for asked in INTEGRATORS {
+        let output = format!("{asked}.exr");
+        let render = ["render", &scene, "--size", "16x16", "--spp", "8", "--halves", "--json"];
+        let more = ["--integrator", asked, "--denoiser", "bilateral", "-o", &output];
+        let done = quietlight(&[&render[..], &more].concat(), folder.path());
+        assert!(done.status.success(), "{asked}: {}", text(&done.stderr));
+        let outcome: serde_json::Value =
+            serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+        let name = if asked == "auto" { chosen } else { asked };
+        assert_eq!(outcome["integrator"], name, "{asked}");
+        assert_eq!(outcome["samples"].as_u64(), Some(8), "{asked}: --spp counts mutations, too");
+        let contents = exr::read(&folder.path().join(&output)).expect("the EXR is whole");
+        let metadata = &contents.layers.metadata;
+        assert_eq!(metadata["integrator"], name, "{asked}");
+        assert_eq!(metadata["samples"], "8", "{asked}");
+        assert!(!metadata["integrator_settings"].is_empty(), "{asked}");
+        // What the method tells is in the file and on standard output, and the same.
+        for (fact, value) in outcome["facts"].as_object().expect("facts") {
+            assert_eq!(value, &metadata[fact], "{asked}: {fact}");
+        }
+        let has = |fact: &str| metadata.contains_key(fact);
+        assert_eq!(has("normalisation"), ["mlt", "pssmlt"].contains(&name), "{asked}");
+        assert_eq!(has("energy_per_sample"), name == "erpt", "{asked}");
+        for kind in [LayerKind::Beauty, LayerKind::Diffuse, LayerKind::Albedo, LayerKind::Normal] {
+            let layer = contents.layers.layers.get(&kind).unwrap_or_else(|| panic!("no {kind:?}"));
+            assert_eq!(layer.mean.dim(), (3, 16, 16), "{asked}");
+            assert!(layer.variance.is_some(), "{asked}: {kind:?}");
+            let [a, b] = layer.halves.as_ref().expect("--halves");
+            assert!(a.iter().chain(b).all(|value| value.is_finite()), "{asked}: {kind:?}");
+            // The first hits of a few samples may all be of one albedo.
+            assert!(kind != LayerKind::Beauty || a != b, "{asked}: the halves differ");
+        }
+        let png = folder.path().join(format!("{asked}.png"));
+        assert_eq!(read_picture(&png).expect("the PNG is whole").dim(), (3, 16, 16));
+    }
+}
+
+#[test]
+fn a_budget_of_time_ends_and_says_how_much_was_done() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = own_scene("cornell-box");
+    for asked in &INTEGRATORS[1..] {
+        let render = ["render", &scene, "--size", "8x8", "--time", "1s", "--denoiser", "none"];
+        let more = ["--integrator", asked, "--json", "-o", "timed.exr"];
+        let done = quietlight(&[&render[..], &more].concat(), folder.path());
+        assert!(done.status.success(), "{asked}: {}", text(&done.stderr));
+        let outcome: serde_json::Value =
+            serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+        // How long a round takes is the machine's business; that it is not cut short is ours.
+        let seconds = outcome["render_seconds"].as_f64().expect("seconds");
+        assert!(seconds >= 1.0, "{asked}: {seconds} s");
+        assert!(outcome["samples"].as_u64().is_some_and(|samples| samples > 0), "{asked}");
+        let contents = exr::read(&folder.path().join("timed.exr")).expect("the EXR is whole");
+        assert!(contents.layers.metadata["seconds"].parse::<f64>().is_ok_and(|s| s >= 1.0));
+    }
+}
+
+#[test]
+fn limits_of_erpt_tell_the_energy_lost() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = own_scene("cornell-box");
+    let render = ["render", &scene, "--size", "16x16", "--spp", "8", "--integrator", "erpt"];
+    let limits = ["--consecutive-limit", "2", "--proposal-limit", "2"];
+    let more = ["--denoiser", "none", "-o", "limited.exr"];
+    let done = quietlight(&[&render[..], &limits, &more].concat(), folder.path());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let metadata =
+        exr::read(&folder.path().join("limited.exr")).expect("the EXR is whole").layers.metadata;
+    for fact in ["energy_lost", "energy_lost_to_medians"] {
+        assert!(metadata[fact].contains('%'), "{fact}: {}", metadata[fact]);
+        assert!(text(&done.stdout).contains(&metadata[fact]), "{}", text(&done.stdout));
+    }
+    assert!(metadata["integrator_settings"].contains("consecutive_limit: Some(2)"));
+}

@@ -1,7 +1,9 @@
 //! Same seed, same bits.
 
 use crate::support::scenes::{layer, render_finite, scene_around, settings};
-use quietlight::integrator::Strategy;
+use quietlight::integrator::{
+    Bdpt, CorrelatedVisibility, Erpt, Integrator, Mlt, PathTracing, PrimaryPaths, Pssmlt, Strategy,
+};
 use quietlight::render::{RenderSettings, Rendered, Rendering, SamplerKind, replay};
 use quietlight::scene::Scene;
 use quietlight_denoise::{LayerKind, bilateral};
@@ -43,6 +45,51 @@ fn one_two_and_eight_threads_give_the_same_bits() {
                 assert_eq!(layer.halves, other.halves, "halves of {kind:?} on {threads} threads");
             }
         }
+    }
+}
+
+/// Every method that is not path tracing, with small pools of candidates.
+fn methods() -> [Integrator; 7] {
+    let pssmlt =
+        |paths| Integrator::Pssmlt(Pssmlt { paths, bootstrap_samples: 3000, ..Pssmlt::default() });
+    let mlt = Mlt { bootstrap_pairs: 3000, ..Mlt::default() };
+    [
+        Integrator::Bdpt(Bdpt::default()),
+        pssmlt(PrimaryPaths::Bidirectional(Bdpt::default())),
+        pssmlt(PrimaryPaths::Camera(PathTracing::default())),
+        Integrator::Mlt(mlt),
+        Integrator::Mlt(Mlt { separate_direct: false, ..mlt }),
+        // Of both limits, whose films are merged and compared.
+        Integrator::Erpt(Erpt {
+            consecutive_limit: Some(9),
+            proposal_limit: Some(4.0),
+            ..Erpt::default()
+        }),
+        Integrator::Visibility(CorrelatedVisibility::default()),
+    ]
+}
+
+#[test]
+fn every_method_gives_the_same_bits_on_any_number_of_threads() {
+    let scene = scene();
+    for integrator in methods() {
+        let settings = RenderSettings { integrator, ..settings(6, 5, Strategy::Mis) };
+        let one = on_threads(1, &scene, &settings);
+        for threads in [2, 8] {
+            let many = on_threads(threads, &scene, &settings);
+            let what = format!("{} on {threads} threads", integrator.name());
+            for (kind, layer) in &one.layers.layers {
+                let other = &many.layers.layers[kind];
+                assert_eq!(layer.mean, other.mean, "{kind:?}, {what}");
+                assert_eq!(layer.variance, other.variance, "variance of {kind:?}, {what}");
+                assert_eq!(layer.halves, other.halves, "halves of {kind:?}, {what}");
+            }
+            assert_eq!(one.report, many.report, "{what}");
+        }
+        let other_seed = RenderSettings { seed: 6, ..settings };
+        let other = on_threads(2, &scene, &other_seed);
+        let [a, b] = [&one, &other].map(|rendered| &rendered.layers.layers[&LayerKind::Beauty]);
+        assert_ne!(a.mean, b.mean, "{}", integrator.name());
     }
 }
 

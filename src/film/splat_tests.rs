@@ -188,3 +188,36 @@ fn merged_films_are_one_film() {
     assert_eq!(layers(&whole).halves, layers(&merged).halves);
     assert_eq!(layers(&whole).variance, layers(&merged).variance);
 }
+
+#[test]
+fn pixels_far_above_the_proposals_around_them_become_their_median() {
+    let film = |values: [[f32; 3]; 2]| {
+        let mut film = SplatFilm::new(SETTINGS);
+        for (y, row) in values.into_iter().enumerate() {
+            for (x, value) in row.into_iter().enumerate() {
+                film.add(0, &splat(2.5 + x as f32, 1.5 + y as f32, value, 0.25 * value));
+            }
+        }
+        film
+    };
+    // Of all six around the middle the median is 3.5; of the four around the left column 4, around the right one 3.5.
+    let proposals = film([[1.0, 2.0, 3.0], [6.0, 7.0, 4.0]]);
+    let deposits = film([[8.0, 7.5, 7.0], [9.0, 0.0, 100.0]]);
+    let limited = deposits.limited_by(&proposals, 2.0);
+    let mut layers = sampled(0.0, 0.0, 2);
+    let scale = Scale { half: [1.0; 2], weight: [0.5; 2] };
+    limited.put_into(&mut layers, &scale, Radiance::Replaced);
+    for (kind, factor) in [(LayerKind::Diffuse, 1.0), (LayerKind::Specular, 0.25)] {
+        let [a, b] = layers.layers[&kind].halves.as_ref().unwrap();
+        // 8 and 7 are not above twice their medians, 7.5 is above 7, 9 and 100 are above theirs.
+        let expected = [[8.0, 3.5, 7.0], [4.0, 0.0, 3.5]];
+        for (y, row) in expected.into_iter().enumerate() {
+            for (x, value) in row.into_iter().enumerate() {
+                assert_eq!(pixel(a, x, y), factor * value, "{kind:?}, pixel {x}, {y}");
+                assert_eq!(pixel(b, x, y), 0.0, "the other half has its own medians");
+            }
+        }
+    }
+    assert!((deposits.total() - 131.5 * 3.0 * 1.25).abs() < 1e-9);
+    assert!((limited.total() - 26.0 * 3.0 * 1.25).abs() < 1e-9);
+}

@@ -101,6 +101,17 @@ pub struct Deposits {
     pub ledger: Ledger,
 }
 
+/// What the energy of one path becomes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Share {
+    /// Chains that start with it.
+    pub chains: u64,
+    /// What each of their mutations deposits.
+    pub deposit: f64,
+    /// Is that more than it should be, because the chains are limited in number?
+    pub is_capped: bool,
+}
+
 /// One sample per pixel: which, and how much energy a deposit has.
 #[derive(Clone, Copy, Debug)]
 pub struct Pass {
@@ -183,12 +194,11 @@ impl Erpt {
             return;
         }
         deposits.ledger.found += energy;
-        let (chains, deposit) = self.share(energy, deposit, numbers.next_f64());
+        let Share { chains, deposit, is_capped } = self.share(energy, deposit, numbers.next_f64());
         if chains == 0 {
             return;
         }
-        deposits.ledger.capped += u64::from(deposit.is_larger);
-        let deposit = deposit.energy;
+        deposits.ledger.capped += u64::from(is_capped);
         deposits.ledger.chains += chains;
         deposits.ledger.started += chains as f64 * f64::from(self.chain_length) * deposit;
         let Some(path) = pair.path(found.s, found.t) else {
@@ -205,16 +215,17 @@ impl Erpt {
         }
     }
 
-    /// How many chains start with that energy, by the number `u` in `[0, 1)`, and what each of their mutations deposits.
-    fn share(&self, energy: f64, deposit: f64, u: f64) -> (u64, Deposit) {
+    /// Divides that energy among chains whose mutations should deposit `deposit` each, by the number `u` in `[0, 1)`: over all
+    /// `u` the chains carry as much as there is.
+    pub fn share(&self, energy: f64, deposit: f64, u: f64) -> Share {
         let length = f64::from(self.chain_length);
         let most = f64::from(self.most_chains);
         let wanted = energy / (length * deposit);
         if wanted > most {
-            let energy = energy / (length * most);
-            (u64::from(self.most_chains), Deposit { energy, is_larger: true })
+            let deposit = energy / (length * most);
+            Share { chains: u64::from(self.most_chains), deposit, is_capped: true }
         } else {
-            ((u + wanted) as u64, Deposit { energy: deposit, is_larger: false })
+            Share { chains: (u + wanted) as u64, deposit, is_capped: false }
         }
     }
 
@@ -248,13 +259,6 @@ impl Erpt {
     }
 }
 
-/// What a mutation deposits.
-struct Deposit {
-    energy: f64,
-    /// Is it more than it should be, because the chains are limited in number?
-    is_larger: bool,
-}
-
 fn max_depth(scene: &Scene) -> u32 {
     reach(scene, 1).max_edges
 }
@@ -269,10 +273,10 @@ mod tests {
         let erpt = Erpt::default();
         // 5 makes 10 chains; for u just below 1 rounding may not make an eleventh.
         for u in [0.0, 0.5, 0.999_999] {
-            assert_eq!(erpt.share(5.0, 0.005, u).0, 10);
+            assert_eq!(erpt.share(5.0, 0.005, u).chains, 10);
         }
         // 0.025 makes one chain in twenty.
-        assert_eq!((erpt.share(0.025, 0.005, 0.94).0, erpt.share(0.025, 0.005, 0.96).0), (0, 1));
+        assert_eq!([0.94, 0.96].map(|u| erpt.share(0.025, 0.005, u).chains), [0, 1]);
     }
 
     #[test]
@@ -283,10 +287,9 @@ mod tests {
             let (n, length) = (200_000, f64::from(erpt.chain_length));
             let mut carried = 0.0;
             for _ in 0..n {
-                let (chains, deposit) =
-                    erpt.share(wanted * length * 0.01, 0.01, numbers.next_f64());
-                assert!(chains <= u64::from(erpt.most_chains));
-                carried += chains as f64 * deposit.energy / 0.01;
+                let share = erpt.share(wanted * length * 0.01, 0.01, numbers.next_f64());
+                assert!(share.chains <= u64::from(erpt.most_chains));
+                carried += share.chains as f64 * share.deposit / 0.01;
             }
             // The random part is a Bernoulli variable of the fraction; 4.5 standard errors.
             let fraction: f64 = wanted.fract();

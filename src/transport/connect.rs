@@ -17,7 +17,7 @@ use glam::{DVec3, Vec2, Vec3};
 /// contributions that fall on it, divided by `n`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contribution {
-    /// Where on the whole film, in pixels.
+    /// Where on the whole film, in pixels; within the crop window.
     pub raster: Vec2,
     /// Vertices found from the light.
     pub s: u32,
@@ -415,6 +415,7 @@ impl<'s> Pair<'_, 's> {
             return None;
         }
         let view = camera.view(surface.at.position, self.lens)?;
+        self.scene.film.crop_pixel(view.raster)?;
         let to_eye = surface.local(-view.direction)?;
         let light_side = surface.shading.wo;
         let scattered = surface.shading.bsdf.eval(to_eye, light_side);
@@ -459,6 +460,7 @@ impl<'s> Pair<'_, 's> {
         let crossing = self.light.crossings.iter().find(|crossing| crossing.step == y)?;
         let camera = &self.scene.camera;
         let view = &crossing.view;
+        self.scene.film.crop_pixel(view.raster)?;
         let raster_pdf = self.raster_pdf(view.direction);
         let importance = camera.lens_pdf() * raster_pdf / camera.cosine(view.direction);
         let parts = crossing.throughput.map(|part| part * importance);

@@ -98,7 +98,8 @@ const MAX_EDGES: u32 = 100;
 /// Shortest jump on the film, in pixels (Veach 1997, section 11.4.3.1).
 const SHORTEST: f64 = 0.1;
 
-/// Longest jump on the film, as the share of the picture that a disk of that radius covers (Veach 1997, the same section).
+/// Longest jump on the film, as the share of the picture that a disk of that radius covers (Veach 1997, the same section). Even
+/// in a picture of one pixel it is longer than the shortest.
 const LARGEST_SHARE: f64 = 0.05;
 
 impl MutationSettings {
@@ -106,8 +107,6 @@ impl MutationSettings {
     pub fn of(scene: &Scene) -> Self {
         let film = &scene.film;
         let longest = (LARGEST_SHARE * film.crop_pixels() as f64 / std::f64::consts::PI).sqrt();
-        // Of a picture of a few pixels everything is near.
-        let longest = if longest > SHORTEST { longest } else { 2.0 * SHORTEST };
         let [width, height] = [film.width, film.height].map(|pixels| pixels as f32);
         let middle = scene.camera.ray(Vec2::new(width, height) * 0.5, Vec2::splat(0.5)).direction;
         let pixels = f64::from(width) * f64::from(height);
