@@ -31,6 +31,7 @@ pub(crate) fn seeds<'s>(
     pair.connect(scene.limits.max_depth.expect("a limit"), &mut found);
     found
         .iter()
+        .filter(|one| one.t > 0)
         .filter_map(|one| pair.path(one.s, one.t).map(|path| (path, one.s as usize)))
         .filter(|(path, _)| is_in_picture(scene, path) && is_wanted(path))
         .map(|(path, s)| {
