@@ -1,7 +1,10 @@
 //! Bidirectional path tracing: every strategy alone, and all of them weighted (METHODS 13.2).
 
-use crate::support::batches::{Batches, assert_same, bdpt_batches, path_batches};
-use crate::support::scenes::scene_around;
+mod extremes;
+mod pictures;
+
+use crate::support::batches::bdpt_batches;
+use crate::support::scenes::{scene_around, scene_from};
 use glam::Vec2;
 use quietlight::integrator::bdpt::{Bdpt, Workspace};
 use quietlight::sampler::{IndependentSampler, Sampler};
@@ -13,14 +16,29 @@ use quietlight::transport::path::Path;
 const MIRROR: &str = r#"<bsdf type="conductor"><string name="material" value="none"/></bsdf>"#;
 const GLASS: &str = r#"<bsdf type="dielectric"/>"#;
 
+/// A camera at the origin that looks along −z, with a lens if one is given.
+fn film(width: u32, height: u32, depth: u32, lens: &str, inside: &str) -> Scene {
+    let sensor = if lens.is_empty() { "perspective" } else { "thinlens" };
+    scene_from(&format!(
+        r#"<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="{depth}"/></integrator>
+        <sensor type="{sensor}"><float name="fov" value="60"/>{lens}
+            <transform name="to_world"><lookat origin="0,0,0" target="0,0,-1" up="0,1,0"/></transform>
+            <film type="hdrfilm"><integer name="width" value="{width}"/><integer name="height" value="{height}"/>
+                <rfilter type="box"/></film></sensor>{inside}</scene>"#
+    ))
+}
+
+const LENS: &str =
+    r#"<float name="aperture_radius" value="0.4"/><float name="focus_distance" value="3"/>"#;
+
 /// A room of diffuse, metal and plastic walls around a ball, open at the front, in the light of `light`.
-fn room(depth: i32, ball: &str, light: &str) -> Scene {
-    scene_around(
-        16,
-        60.0,
-        depth,
-        &format!(
-            r#"
+fn room(depth: u32, ball: &str, light: &str) -> Scene {
+    film(16, 16, depth, "", &room_around(ball, light))
+}
+
+fn room_around(ball: &str, light: &str) -> String {
+    format!(
+        r#"
         <bsdf type="twosided" id="red"><bsdf type="diffuse"><rgb name="reflectance" value="0.7 0.2 0.1"/></bsdf></bsdf>
         <bsdf type="twosided" id="metal"><bsdf type="roughconductor"><string name="material" value="Cu"/>
             <float name="alpha" value="0.3"/></bsdf></bsdf>
@@ -34,7 +52,6 @@ fn room(depth: i32, ball: &str, light: &str) -> Scene {
             <translate x="-1.5" z="-3"/></transform><ref id="red"/></shape>
         <shape type="sphere"><point name="center" x="0.2" y="-0.5" z="-3"/><float name="radius" value="0.5"/>{ball}</shape>
         {light}"#
-        ),
     )
 }
 
@@ -44,7 +61,7 @@ const AREA: &str = r#"<shape type="rectangle"><transform name="to_world"><rotate
 #[test]
 fn every_strategy_sees_each_path_length_of_an_integrating_sphere() {
     // G is 1 / (4 R²) between all points of the wall, so that connections have hardly any variance.
-    let scene = scene_around(
+    let mut scene = scene_around(
         8,
         60.0,
         6,
@@ -52,6 +69,8 @@ fn every_strategy_sees_each_path_length_of_an_integrating_sphere() {
         <bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf>
         <emitter type="area"><rgb name="radiance" value="0.5"/></emitter></shape>"#,
     );
+    // Roulette would be the only noise of most.
+    scene.limits.rr_depth = 100;
     let batches = bdpt_batches(&scene, Bdpt::default(), 32, 40, |found| {
         let k = found.s + found.t - 1;
         Some(((found.s * 8 + found.t) as usize, 1.0 / 0.6f64.powi(k as i32 - 1)))
@@ -71,21 +90,6 @@ fn every_strategy_sees_each_path_length_of_an_integrating_sphere() {
     }
 }
 
-/// The weighted sum of all strategies against path tracing.
-fn assert_same_picture(scene: &Scene, heuristic: Heuristic, what: &str) {
-    let all = bdpt_batches(scene, Bdpt { heuristic, ..Bdpt::default() }, 32, 64, |found| {
-        Some((0, found.weight))
-    });
-    let reference: Batches = path_batches(scene, 32, 64);
-    assert_same(&all, 0, &reference, 0, what);
-}
-
-#[test]
-fn all_strategies_together_see_what_path_tracing_sees() {
-    assert_same_picture(&room(6, MIRROR, AREA), Heuristic::Power, "mirror ball, area light");
-    assert_same_picture(&room(6, GLASS, AREA), Heuristic::Balance, "glass ball, area light");
-}
-
 /// Everything that a few thousand samples of `scene` find: the contribution and its whole path.
 fn for_each_path(
     scene: &Scene,
@@ -102,7 +106,7 @@ fn for_each_path(
         let pair = integrator.walk(scene, raster, lens, &mut sampler, &mut workspace);
         found.clear();
         pair.connect(6, &mut found);
-        for one in found.iter().filter(|one| one.t > 0) {
+        for one in &found {
             let path = pair.path(one.s, one.t).expect("what was found is a path");
             check(one, &path);
         }
@@ -115,11 +119,14 @@ fn scenes_with_everything() -> Vec<(&'static str, Scene)> {
         <rgb name="intensity" value="2"/></emitter>"#;
     let parallel = r#"<emitter type="directional"><vector name="direction" x="0.2" y="-1" z="-0.4"/>
         <rgb name="irradiance" value="2"/></emitter>"#;
-    let room = |depth, ball: &str, light: &str| {
-        let mut scene = room(depth, ball, light);
+    let without_roulette = |mut scene: Scene| {
         // Walks divide by the probability of surviving roulette, paths do not.
         scene.limits.rr_depth = 100;
         scene
+    };
+    let room = |depth, ball: &str, light: &str| without_roulette(room(depth, ball, light));
+    let through_lens = |ball: &str, light: &str| {
+        without_roulette(film(16, 16, 6, LENS, &room_around(ball, light)))
     };
     vec![
         ("mirror, area", room(6, MIRROR, AREA)),
@@ -127,9 +134,16 @@ fn scenes_with_everything() -> Vec<(&'static str, Scene)> {
         ("glass, environment", room(6, GLASS, constant)),
         ("mirror, point", room(6, MIRROR, point)),
         ("glass, directional", room(6, GLASS, parallel)),
+        ("thin lens", through_lens(MIRROR, AREA)),
+        ("thin lens and glass, environment", through_lens(GLASS, constant)),
+        ("light in glass", room(6, GLASS, INSIDE)),
         ("all lights", room(6, GLASS, &format!("{AREA}{constant}{point}{parallel}"))),
     ]
 }
+
+/// A light inside the ball.
+const INSIDE: &str = r#"<shape type="sphere"><point name="center" x="0.2" y="-0.5" z="-3"/><float name="radius" value="0.2"/>
+    <emitter type="area"><rgb name="radiance" value="3 2.5 2"/></emitter></shape>"#;
 
 #[test]
 fn the_balance_heuristic_makes_every_strategy_the_same_function_of_the_path() {
@@ -140,6 +154,11 @@ fn the_balance_heuristic_makes_every_strategy_the_same_function_of_the_path() {
             let weights = path.weights(Heuristic::Balance);
             let total: f64 = weights.iter().sum();
             assert!((total - 1.0).abs() < 1e-9, "{what}: weights sum to {total}");
+            // A chain of delta events between different media is found with a density that is off by n² from one of its sides
+            // (METHODS 3.2): weights sum to 1, but are not quite those of the balance heuristic.
+            if what == "light in glass" {
+                return;
+            }
             let values: Vec<f64> = (0..=path.k())
                 .filter(|&s| path.k() > 1 && weights[s] > 0.0)
                 .map(|s| path.ln_contribution(s) + weights[s].ln())
@@ -154,20 +173,34 @@ fn the_balance_heuristic_makes_every_strategy_the_same_function_of_the_path() {
                 );
             }
         });
-        assert!(compared > 5_000, "{what}: only {compared} pairs of strategies");
+        assert!(
+            what == "light in glass" || compared > 5_000,
+            "{what}: only {compared} pairs of strategies"
+        );
     }
+}
+
+/// `ln` of what strategy `s` finds. Of light in the lens the weights tell it: they are as the densities, or as their squares.
+fn ln_contribution(path: &Path<'_>, s: usize, heuristic: Heuristic) -> f64 {
+    if s <= path.k() {
+        return path.ln_contribution(s);
+    }
+    let weights = path.weights(heuristic);
+    let known = (0..=path.k()).find(|&s| weights[s] > 1e-100).expect("a strategy to the lens");
+    path.ln_contribution(known) + (weights[known] / weights[s]).ln() / heuristic.raise(2.0).log2()
 }
 
 #[test]
 fn weights_along_the_walks_are_those_of_the_whole_path() {
     for heuristic in [Heuristic::Balance, Heuristic::Power] {
         for (what, scene) in scenes_with_everything() {
-            let (mut all, mut off) = (0, 0);
+            let (mut all, mut off, mut in_lens) = (0, 0, 0);
             for_each_path(&scene, heuristic, |one, path| {
                 let expected = path.weights(heuristic)[one.s as usize];
                 let ln_found = f64::from((one.diffuse + one.specular).luminance()).ln();
-                let ln_expected = path.ln_contribution(one.s as usize);
+                let ln_expected = ln_contribution(path, one.s as usize, heuristic);
                 all += 1;
+                in_lens += u32::from(one.t == 0);
                 // Walks use the direction that they sampled, the path that between the points found: these differ by
                 // roundings of single precision, which a grazing direction or a short edge magnifies.
                 if (one.weight - expected).abs() > 1e-3 || (ln_found - ln_expected).abs() > 1e-2 {
@@ -175,6 +208,7 @@ fn weights_along_the_walks_are_those_of_the_whole_path() {
                 }
             });
             assert!(all > 5_000 && off * 1000 < all, "{what}: {off} of {all} are off");
+            assert_eq!(what.contains("lens"), in_lens > 0, "{what}: {in_lens} met the lens");
         }
     }
 }

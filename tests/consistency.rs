@@ -3,7 +3,7 @@
 
 use crate::support::batches::{Batches, assert_same, bdpt_batches, path_batches, render_batches};
 use crate::support::scenes::scene_around;
-use quietlight::integrator::{Bdpt, Erpt, Integrator, Mlt, PrimaryPaths, Pssmlt};
+use quietlight::integrator::{Bdpt, Erpt, Integrator, Mlt, PathTracing, PrimaryPaths, Pssmlt};
 use quietlight::scene::{LoadOptions, Scene};
 use quietlight::transport::connect::Strategies;
 use std::path::Path;
@@ -142,5 +142,23 @@ fn emitters_of_1e8_and_1e_minus_8() {
         &scene,
         64,
         &[("mlt", mlt()), ("erpt", erpt(Strategies::ToLens))],
+    );
+}
+
+#[test]
+fn a_crop_window_of_a_box_with_glass() {
+    let mut scene = own("cornell-box-glass", (32, 24));
+    scene.film.crop = [9, 3, 16, 16];
+    assert_all_agree(
+        "crop window",
+        &scene,
+        32,
+        &[
+            ("path", PathTracing::default().into()),
+            ("pssmlt", pssmlt()),
+            ("mlt", mlt()),
+            ("mlt with direct light", whole_mlt()),
+            ("erpt", erpt(Strategies::ToLens)),
+        ],
     );
 }

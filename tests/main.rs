@@ -17,5 +17,6 @@ mod rays;
 mod redistribution;
 mod sampling;
 mod scene;
+mod strategies;
 mod support;
 mod visibility;

@@ -117,6 +117,9 @@ pub(super) struct Render {
     pub(super) sampler: Sampler,
     #[command(flatten)]
     pub(super) chains: ChainOptions,
+    /// With bdpt: write what each strategy finds, with its weight and without, and a sheet of each; a second render
+    #[arg(long, value_name = "DIR")]
+    pub(super) strategies: Option<PathBuf>,
     /// How path tracing finds direct light
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: Strategy,

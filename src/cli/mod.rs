@@ -9,9 +9,11 @@ mod denoising;
 mod doctor;
 mod inspect;
 mod integrator;
+mod letters;
 mod progress;
 mod render;
 mod replay;
+mod strategies;
 
 use args::{Arguments, Command};
 use clap::{CommandFactory, Parser};

@@ -3,6 +3,7 @@
 use super::args::{Render, Sampler, SceneArguments};
 use super::denoising::{Denoised, Denoising};
 use super::progress::{Progress, human};
+use super::strategies::Pyramid;
 use super::{BadInput, Failure, integrator, replay};
 use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, render};
 use crate::scene::{LoadOptions, Scene};
@@ -31,6 +32,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         return replay::run(&scene, &settings, [x, y], sample);
     }
     let output = output_path(arguments)?;
+    let pyramid = Pyramid::prepare(arguments.strategies.as_deref(), &settings)?;
     heed_ctrl_c("finishing this pass, then writing what there is")?;
     let threads = thread_pool(arguments.threads)?;
     // Before the render, so that hours are not spent for a file that is not a network.
@@ -87,6 +89,10 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     };
     png::write(&png, picture, arguments.exposure)
         .with_context(|| format!("cannot write {}", png.display()))?;
+
+    if let Some(pyramid) = pyramid.filter(|_| !is_interrupted) {
+        threads.install(|| pyramid.write(&scene, &settings, rendered.samples, frame))?;
+    }
 
     let outcome = Outcome {
         output: &output,

@@ -69,9 +69,20 @@ fn thumbnail(picture: &Image, gain: f32) -> Image {
     })
 }
 
+/// The picture, no larger than `side` either way: blocks of pixels are averaged.
+pub(crate) fn shrunk(picture: &Image, side: usize) -> Image {
+    let (_, height, width) = picture.dim();
+    let block = height.max(width).div_ceil(side).max(1);
+    Image::from_shape_fn((3, height.div_ceil(block), width.div_ceil(block)), |(channel, y, x)| {
+        let rows = y * block..((y + 1) * block).min(height);
+        let columns = x * block..((x + 1) * block).min(width);
+        picture.slice(s![channel, rows, columns]).mean().unwrap_or(0.0)
+    })
+}
+
 /// Reinhard et al. 2002, "Photographic Tone Reproduction for Digital Images", equation 4, with 4 as the smallest value shown
 /// white: middle grey stays about where it is.
-fn tone_map(light: f32) -> f32 {
+pub(crate) fn tone_map(light: f32) -> f32 {
     const WHITE: f32 = 4.0;
     let light = if light > 0.0 { light.min(1e6) } else { 0.0 };
     (light * (1.0 + light / (WHITE * WHITE)) / (1.0 + light)).min(1.0)

@@ -20,7 +20,7 @@ pub(super) fn brightness(picture: &Image) -> f64 {
 }
 
 /// What a picture is multiplied by to be as bright as middle grey; 1 of a black one.
-pub(super) fn gain(picture: &Image) -> f64 {
+pub(crate) fn gain(picture: &Image) -> f64 {
     let gain = MIDDLE_GREY / brightness(picture);
     if gain.is_finite() && gain > 0.0 { gain } else { 1.0 }
 }

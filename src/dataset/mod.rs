@@ -9,7 +9,7 @@
 
 pub mod contact_sheet;
 pub mod export;
-mod exposure;
+pub(crate) mod exposure;
 pub mod generator;
 mod make;
 pub mod manifest;

@@ -3,7 +3,7 @@
 use super::Splat;
 use super::bdpt::{Bdpt, Workspace};
 use super::changes::{Changes, Mutations, reach};
-use super::mlt::{shortest, splat};
+use super::mlt::{is_state, shortest, splat};
 use crate::mcmc::{Chain, Statistics};
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler, Stream};
 use crate::scene::Scene;
@@ -135,12 +135,11 @@ impl Erpt {
         let mut found = Vec::new();
         self.walks(scene, raster, &mut numbers, &mut workspace)
             .connect(max_depth(scene), &mut found);
-        let energies = found.iter().filter(|one| self.is_kept(one)).map(Contribution::luminance);
+        let energies = found
+            .iter()
+            .filter(|one| is_state(scene, one, self.separate_direct))
+            .map(Contribution::luminance);
         energies.filter(|energy| energy.is_finite()).sum()
-    }
-
-    fn is_kept(&self, found: &Contribution) -> bool {
-        found.s + found.t > shortest(self.separate_direct)
     }
 
     fn walks<'a, 's, S: Sampler>(
@@ -173,7 +172,7 @@ impl Erpt {
         let pair = self.walks(scene, raster, &mut sampler, workspace);
         let mut found = Vec::new();
         pair.connect(max_depth(scene), &mut found);
-        for one in found.iter().filter(|one| self.is_kept(one)) {
+        for one in found.iter().filter(|one| is_state(scene, one, self.separate_direct)) {
             self.spread_one(scene, &pair, one, pass.deposit, &mut numbers, deposits);
         }
     }

@@ -17,7 +17,7 @@ pub trait MarkovChains: Copy + Debug + Sync {
     /// Names of the mutations, in the order of the statistics.
     fn names(&self) -> &'static [&'static str];
 
-    /// Draws that give the normalisation and the seeds, both halves together.
+    /// Fewest draws that give the normalisation and the seeds, both halves together; long renders make more.
     fn draws(&self) -> u32;
 
     /// Is light of at most one bounce left to path tracing? Then the target is that of all other light.

@@ -6,7 +6,7 @@ use super::{MarkovChains, Splat};
 use crate::mcmc::{Chain, Statistics};
 use crate::sampler::{IndependentSampler, Sampler, Stream};
 use crate::scene::Scene;
-use crate::transport::connect::{Pair, Strategies};
+use crate::transport::connect::{Contribution, Pair, Strategies};
 use crate::transport::mis::Heuristic;
 use crate::transport::path::Path;
 use glam::Vec2;
@@ -20,7 +20,7 @@ pub struct Mlt {
     pub mutations: Mutations,
     /// Is light of at most one bounce, which path tracing finds easily, left to it?
     pub separate_direct: bool,
-    /// Pairs of walks that give the normalisation and the chains' seeds, both halves together (Mitsuba 0.6's number).
+    /// Fewest pairs of walks that give the normalisation and the chains' seeds, both halves together (Mitsuba 0.6's number).
     pub bootstrap_pairs: u32,
 }
 
@@ -48,6 +48,11 @@ pub struct PathWalker<'s> {
 /// Fewest edges of paths that chains of paths look for.
 pub(super) fn shortest(separate_direct: bool) -> u32 {
     if separate_direct { 3 } else { 1 }
+}
+
+/// Is that path one of those that chains of paths visit: long enough, and seen through the crop window?
+pub(super) fn is_state(scene: &Scene, found: &Contribution, separate_direct: bool) -> bool {
+    found.s + found.t > shortest(separate_direct) && scene.film.crop_pixel(found.raster).is_some()
 }
 
 /// The walks of a draw; the raster point is uniform over the crop window.
@@ -85,12 +90,20 @@ impl MarkovChains for Mlt {
         let pair = walks(scene, numbers, &mut workspace);
         let mut contributions = Vec::new();
         pair.connect(reach(scene, 1).max_edges, &mut contributions);
-        found.extend(
-            contributions
-                .iter()
-                .filter(|one| one.s + one.t > shortest(self.separate_direct))
-                .map(|one| (PathSeed { draw: index, s: one.s, t: one.t }, one.luminance())),
-        );
+        let states =
+            || contributions.iter().filter(|one| is_state(scene, one, self.separate_direct));
+        let total: f64 = states().map(Contribution::luminance).sum();
+        // One path stands for all of the pair, chosen by its share: a pool of as many candidates as pairs.
+        let mut left = total * IndependentSampler::stream(seed, Stream::Choice, index).next_f64();
+        let mut chosen = None;
+        for one in states().filter(|one| one.luminance() > 0.0) {
+            chosen = Some(PathSeed { draw: index, s: one.s, t: one.t });
+            left -= one.luminance();
+            if left < 0.0 {
+                break;
+            }
+        }
+        found.extend(chosen.map(|chosen| (chosen, total)));
     }
 
     fn start<'s>(

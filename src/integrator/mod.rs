@@ -82,6 +82,14 @@ impl Integrator {
     }
 
     /// The path tracer that walks for the feature layers, and for all layers where it is the integrator.
+    pub fn features(&self) -> PathTracing {
+        match self {
+            Self::Path(settings) => *settings,
+            _ => PathTracing { strategy: Strategy::Features, ..PathTracing::default() },
+        }
+    }
+
+    /// The path tracer that finds light where this one leaves that to it.
     pub fn path_tracing(&self) -> PathTracing {
         match self {
             Self::Path(settings) => *settings,

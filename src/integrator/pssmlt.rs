@@ -22,7 +22,7 @@ pub struct Pssmlt {
     pub shortest_step: f64,
     /// Longest small step of a number.
     pub longest_step: f64,
-    /// Samples that give the normalisation and the chains' seeds, both halves together.
+    /// Fewest samples that give the normalisation and the chains' seeds, both halves together.
     pub bootstrap_samples: u32,
 }
 

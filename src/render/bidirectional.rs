@@ -9,6 +9,7 @@ use crate::math::Rgb;
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
 use crate::scene::{Requirements, Scene};
 use crate::transport::Contribution;
+use crate::transport::connect::Pair;
 use glam::Vec2;
 use quietlight_denoise::Layers;
 use rayon::prelude::*;
@@ -21,8 +22,7 @@ const ROUND: u64 = 1 << 18;
 pub(super) struct Bidirectional<'s> {
     scene: &'s Scene,
     bdpt: Bdpt,
-    seed: u64,
-    sampler: SamplerKind,
+    numbers: Numbers,
     /// What walks from the lens found, sample by sample.
     film: Film,
     /// What walks of light threw elsewhere.
@@ -35,8 +35,7 @@ impl<'s> Bidirectional<'s> {
         Self {
             scene,
             bdpt,
-            seed: settings.seed,
-            sampler: settings.sampler,
+            numbers: Numbers { seed: settings.seed, sampler: settings.sampler },
             film: Film::of_radiance(scene.film, &Requirements::of(scene)),
             splats: SplatFilm::of_independent(scene.film),
             samples: 0,
@@ -54,9 +53,9 @@ impl Method for Bidirectional<'_> {
         let size = (ROUND / self.pixels().max(1)).clamp(1, 256) as u32;
         let count = size.min(most - self.samples);
         let samples = self.samples..self.samples + count;
-        let Self { scene, bdpt, seed, sampler, film, splats, .. } = self;
+        let Self { scene, bdpt, numbers, film, splats, .. } = self;
         let (tiles, kept) = film.tiles_mut();
-        let work = Work { scene, bdpt: *bdpt, seed: *seed, sampler: *sampler };
+        let work = Work { scene, bdpt: *bdpt, numbers: *numbers };
         let thrown: Vec<Vec<(usize, Splat)>> = tiles
             .par_iter_mut()
             .map_init(Workspace::default, |workspace, tile| {
@@ -95,8 +94,7 @@ impl Method for Bidirectional<'_> {
 struct Work<'s> {
     scene: &'s Scene,
     bdpt: Bdpt,
-    seed: u64,
-    sampler: SamplerKind,
+    numbers: Numbers,
 }
 
 impl<'s> Work<'s> {
@@ -108,22 +106,14 @@ impl<'s> Work<'s> {
         samples: std::ops::Range<u32>,
         workspace: &mut Workspace<'s>,
     ) -> Vec<(usize, Splat)> {
-        let (mut found, mut splats) = (Vec::new(), Vec::new());
+        let (mut found, mut splats) = (Vec::<Contribution>::new(), Vec::new());
+        let max_depth = self.scene.limits.max_depth.unwrap_or(u32::MAX);
         for (index, [x, y]) in tile.film_pixels().enumerate() {
-            let pixel = y * self.scene.film.width + x;
             for sample in samples.clone() {
                 found.clear();
-                let corner = Vec2::new(x as f32, y as f32);
-                match self.sampler {
-                    SamplerKind::Sobol => {
-                        let sampler = SobolSampler::new(self.seed, pixel, sample);
-                        self.trace(corner, sampler, workspace, &mut found);
-                    }
-                    SamplerKind::Independent => {
-                        let sampler = IndependentSampler::new(self.seed, pixel, sample);
-                        self.trace(corner, sampler, workspace, &mut found);
-                    }
-                }
+                self.numbers.walk(self.scene, &self.bdpt, [x, y], sample, workspace, |pair| {
+                    pair.connect(max_depth, &mut found);
+                });
                 let half = (sample & 1) as usize;
                 let mut seen = PathSample::default();
                 for one in &found {
@@ -141,19 +131,52 @@ impl<'s> Work<'s> {
         }
         splats
     }
+}
 
-    fn trace<S: Sampler>(
-        &self,
-        corner: Vec2,
-        mut sampler: S,
+/// Where the random numbers of samples come from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Numbers {
+    pub(super) seed: u64,
+    pub(super) sampler: SamplerKind,
+}
+
+impl Numbers {
+    /// The walks of one sample of a pixel, to be joined by `join`.
+    pub(super) fn walk<'s>(
+        self,
+        scene: &'s Scene,
+        bdpt: &Bdpt,
+        pixel: [u32; 2],
+        sample: u32,
         workspace: &mut Workspace<'s>,
-        found: &mut Vec<Contribution>,
+        join: impl FnOnce(Pair<'_, 's>),
     ) {
-        let raster = corner + sampler.next_2d();
-        let is_pinhole = self.scene.camera.aperture_radius() == 0.0;
-        let lens = if is_pinhole { Vec2::ZERO } else { sampler.next_2d() };
-        self.bdpt.trace(self.scene, raster, lens, &mut sampler, workspace, found);
+        let index = pixel[1] * scene.film.width + pixel[0];
+        let corner = Vec2::from(pixel.map(|number| number as f32));
+        match self.sampler {
+            SamplerKind::Sobol => {
+                let mut sampler = SobolSampler::new(self.seed, index, sample);
+                join(walk(scene, bdpt, corner, &mut sampler, workspace));
+            }
+            SamplerKind::Independent => {
+                let mut sampler = IndependentSampler::new(self.seed, index, sample);
+                join(walk(scene, bdpt, corner, &mut sampler, workspace));
+            }
+        }
     }
+}
+
+fn walk<'a, 's, S: Sampler>(
+    scene: &'s Scene,
+    bdpt: &Bdpt,
+    corner: Vec2,
+    sampler: &mut S,
+    workspace: &'a mut Workspace<'s>,
+) -> Pair<'a, 's> {
+    let raster = corner + sampler.next_2d();
+    let is_pinhole = scene.camera.aperture_radius() == 0.0;
+    let lens = if is_pinhole { Vec2::ZERO } else { sampler.next_2d() };
+    bdpt.walk(scene, raster, lens, sampler, workspace)
 }
 
 fn weighted(colour: Rgb, weight: f64) -> Rgb {

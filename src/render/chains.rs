@@ -29,6 +29,15 @@ const ROUND: u64 = 1 << 16;
 /// mutation, and Sobol points are good at it.
 const MUTATIONS_PER_DIRECT: u32 = 4;
 
+/// Mutations for each draw of the bootstrap: a draw costs about three mutations, and thus a fifth of the time.
+const MUTATIONS_PER_DRAW: u64 = 16;
+
+/// The same where only the time is known, for each thread: about a tenth of what it could make.
+const DRAWS_PER_SECOND: f64 = 1e4;
+
+/// Most draws: what they leave in memory is some 130 MB.
+const MOST_DRAWS: u64 = 1 << 22;
+
 /// Draws of the bootstrap that a thread makes at once.
 const DRAWS_AT_ONCE: u64 = 512;
 
@@ -48,6 +57,8 @@ pub(super) struct Chains<'a, M: MarkovChains> {
     direct: Option<Sampled<'a>>,
     /// Chains of even index belong to half 0, those of odd index to half 1.
     chains: Vec<Unit<M::Walker<'a>>>,
+    /// Draws of both pools.
+    draws: u64,
     /// Normalisation and its standard error, from each half's pool.
     normalisation: [(f64, f64); 2],
     /// Chains in each half, of those that could start.
@@ -77,7 +88,8 @@ impl<'a, M: MarkovChains> Chains<'a, M> {
             Budget::Time(_) => CHAINS_OF_TIME,
         };
         let in_half = count.div_ceil(2);
-        let pools = [0, 1].map(|half| pool(scene, &method, settings.seed, half));
+        let draws = draws(&method, settings.budget, pixels);
+        let pools = [0, 1].map(|half| pool(scene, &method, settings.seed, half, draws));
 
         let mut seeds = Vec::new();
         for (half, pool) in pools.iter().enumerate() {
@@ -101,6 +113,7 @@ impl<'a, M: MarkovChains> Chains<'a, M> {
             film: SplatFilm::of_independent(scene.film),
             direct: method.direct().then(|| Sampled::of_direct(scene, settings)),
             chains,
+            draws,
             normalisation: [0, 1].map(|half| (pools[half].mean(), pools[half].error())),
             counts,
             mutations: 0,
@@ -127,9 +140,27 @@ impl<'a, M: MarkovChains> Chains<'a, M> {
     }
 }
 
+/// Draws of the bootstrap: the error of the normalisation is one of brightness that no mutation makes smaller, so that longer
+/// renders make more of them.
+fn draws<M: MarkovChains>(method: &M, budget: Budget, pixels: u64) -> u64 {
+    let affordable = match budget {
+        Budget::Samples(samples) => pixels * u64::from(samples) / MUTATIONS_PER_DRAW,
+        Budget::Time(time) => {
+            (time.as_secs_f64() * DRAWS_PER_SECOND * rayon::current_num_threads() as f64) as u64
+        }
+    };
+    affordable.clamp(u64::from(method.draws()), MOST_DRAWS.max(u64::from(method.draws())))
+}
+
 /// The candidates of one half.
-fn pool<M: MarkovChains>(scene: &Scene, method: &M, seed: u64, half: u64) -> Bootstrap<M::Seed> {
-    let draws = u64::from(method.draws()).div_ceil(2);
+fn pool<M: MarkovChains>(
+    scene: &Scene,
+    method: &M,
+    seed: u64,
+    half: u64,
+    draws: u64,
+) -> Bootstrap<M::Seed> {
+    let draws = draws.div_ceil(2);
     let part = |first: u64| {
         let mut pool = Bootstrap::default();
         let mut found = Vec::new();
@@ -216,10 +247,9 @@ impl<M: MarkovChains> Method for Chains<'_, M> {
             tell("chains_disagreement", format!("{disagreement:.3}"));
         }
         if self.chains.is_empty() {
-            report.warnings.push(format!(
-                "no light found by {} samples: the picture is black",
-                self.method.draws()
-            ));
+            report
+                .warnings
+                .push(format!("no light found by {} samples: the picture is black", self.draws));
         }
         if disagreement.is_some_and(|disagreement| disagreement > DISAGREEMENT) {
             report.warnings.push(

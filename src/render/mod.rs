@@ -5,11 +5,13 @@ mod chains;
 mod method;
 mod redistribution;
 mod sampled;
+mod strategies;
 mod units;
 mod visibility;
 
 pub use method::Report;
 pub use sampled::replay;
+pub use strategies::{StrategyImage, strategies, strategy_images};
 
 use crate::integrator::Integrator;
 use crate::scene::Scene;

@@ -30,7 +30,7 @@ impl<'a> Sampled<'a> {
     pub(super) fn new(scene: &'a Scene, settings: &RenderSettings) -> Self {
         Self {
             scene,
-            path_tracing: settings.integrator.path_tracing(),
+            path_tracing: settings.integrator.features(),
             seed: settings.seed,
             sampler: settings.sampler,
             film: Film::new(scene.film, &Requirements::of(scene)),

@@ -8,7 +8,9 @@ use glam::Vec2;
 pub enum Stream {
     /// Candidates for the first states of Markov chains; one stream a draw.
     Bootstrap,
-    /// The choice among them; one stream a half.
+    /// The choice among the paths of a candidate; one stream a draw.
+    Choice,
+    /// The choice among candidates; one stream a half.
     Seeds,
     /// Mutations; one stream a chain.
     Chain,

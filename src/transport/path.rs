@@ -272,18 +272,17 @@ impl<'s> Path<'s> {
                 _ => pdf * edge.cosine_eye / edge.distance2,
             });
         }
-        let mut eye = vec![0.0; k];
-        eye.push(self.ends.lens_pdf);
-        for i in 0..k {
-            let edge = &self.edges[i];
+        let mut eye = Vec::with_capacity(k + 1);
+        for (i, edge) in self.edges.iter().enumerate() {
             let pdf =
                 if i + 1 == k { self.ends.raster_pdf } else { self.scatterings[i + 1].pdf_light };
-            eye[i] = match (self.events[i + 1], self.events[i]) {
+            eye.push(match (self.events[i + 1], self.events[i]) {
                 (Event::Delta(_), _) => pdf,
                 (_, Event::Delta(_)) => pdf / edge.cosine_eye,
                 _ => pdf * edge.cosine_light / edge.distance2,
-            };
+            });
         }
+        eye.push(self.ends.lens_pdf);
         (light, eye)
     }
 

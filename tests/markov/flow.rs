@@ -5,8 +5,8 @@ use crate::support::mean::p_of_z;
 use crate::support::{LEVEL, sidak};
 use glam::{Vec2, Vec3};
 use quietlight::integrator::bdpt::{Bdpt, Workspace};
-use quietlight::mcmc::mutation::{MutationSettings, Mutations};
-use quietlight::mcmc::{Chain, Statistics};
+use quietlight::mcmc::mutation::Mutations;
+use quietlight::mcmc::{Chain, Kernels, Statistics};
 use quietlight::sampler::{IndependentSampler, Sampler};
 use quietlight::scene::Scene;
 use quietlight::transport::mis::Heuristic;
@@ -32,7 +32,7 @@ pub(crate) fn seeds<'s>(
     found
         .iter()
         .filter_map(|one| pair.path(one.s, one.t).map(|path| (path, one.s as usize)))
-        .filter(|(path, _)| is_wanted(path))
+        .filter(|(path, _)| is_in_picture(scene, path) && is_wanted(path))
         .map(|(path, s)| {
             // Light that walks into the lens is left out, and its share given to the others.
             let shares = path.weights(Heuristic::Balance);
@@ -41,6 +41,13 @@ pub(crate) fn seeds<'s>(
             (path, weight)
         })
         .collect()
+}
+
+/// Light that the camera did not look for may fall beside the crop window.
+fn is_in_picture(scene: &Scene, path: &Path<'_>) -> bool {
+    let [left, top, columns, rows] = scene.film.crop.map(|pixels| pixels as f32);
+    let place = path.lens().0 - Vec2::new(left, top);
+    place.min_element() >= 0.0 && place.x < columns && place.y < rows
 }
 
 /// The labels from the light to the eye, such as `LDSE`.
@@ -112,8 +119,6 @@ pub(crate) struct Flow {
 /// How a flow is measured.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Measure {
-    /// Weights of the four mutations.
-    pub weights: [f64; 4],
     /// Samples.
     pub samples: u32,
     /// Steps of the chain that starts at one of the paths of each sample.
@@ -122,10 +127,8 @@ pub(crate) struct Measure {
 
 impl Flow {
     /// Chains of the given mutations, from seeds that one of them is suitable for.
-    pub(crate) fn measure(scene: &Scene, measure: Measure) -> Self {
-        use quietlight::mcmc::Kernels;
-        let mutations =
-            Mutations { scene, settings: MutationSettings::of(scene), weights: measure.weights };
+    pub(crate) fn measure(mutations: &Mutations<'_>, measure: Measure) -> Self {
+        let scene = mutations.scene;
         let is_wanted = |path: &Path<'_>| (0..4).any(|m| mutations.selection(m, path) > 0.0);
         let parts: Vec<Self> = (0..measure.samples.div_ceil(500))
             .into_par_iter()
@@ -135,7 +138,7 @@ impl Flow {
                 for index in part * 500..(part + 1) * 500 {
                     let mut sampler = IndependentSampler::new(11, index, 0);
                     let found = seeds(scene, &mut sampler, &mut workspace, &is_wanted);
-                    flow.follow(scene, mutations, found, measure.steps, &mut sampler);
+                    flow.follow(*mutations, found, measure.steps, &mut sampler);
                 }
                 flow
             })
@@ -156,7 +159,6 @@ impl Flow {
     /// One chain from one of the seeds, chosen by weight.
     fn follow<'s>(
         &mut self,
-        scene: &'s Scene,
         mut mutations: Mutations<'s>,
         mut found: Vec<(Path<'s>, f64)>,
         steps: u32,
@@ -170,6 +172,7 @@ impl Flow {
         });
         let Some(chosen) = chosen else { return };
         let (path, _) = found.swap_remove(chosen);
+        let scene = mutations.scene;
         let before = regions(scene, &path);
         let mut chain = Chain::new(path, 4);
         for step in 0..steps {
@@ -205,12 +208,13 @@ impl Flow {
         let arrivals: Vec<f64> = self.arrivals.values().filter_map(score).collect();
         for (of, scores) in [("flow", pairs), ("stationarity", arrivals)] {
             let n = scores.len() as f64;
-            assert!(n >= 8.0, "{what}, {of}: only {n} regions");
+            // Small steps seldom cross a border, and there may be no flow to judge.
+            assert!(n >= 8.0 || of == "flow", "{what}, {of}: only {n} regions");
+            if n < 8.0 {
+                continue;
+            }
             let mean_square = scores.iter().map(|z| z * z).sum::<f64>() / n;
             let largest = scores.iter().fold(0.0f64, |largest, z| largest.max(z.abs()));
-            if std::env::var_os("SHOW").is_some() {
-                eprintln!("{what}, {of}: mean z² {mean_square:.2}, max {largest:.2}, {n} scores");
-            }
             let bound = 1.0 + 4.0 * (8.0 / n).sqrt();
             assert!(mean_square < bound, "{what}, {of}: mean z² {mean_square:.2} of {n}");
             let p = p_of_z(largest);

@@ -54,7 +54,7 @@ impl Batches {
     }
 
     /// Mean and standard error of one block of one estimate.
-    fn block(&self, estimate: usize, block: usize) -> (f64, f64) {
+    pub(crate) fn block(&self, estimate: usize, block: usize) -> (f64, f64) {
         self.statistics(|sums| sums.get(&estimate).map_or(0.0, |sums| sums[block]))
     }
 
@@ -74,7 +74,7 @@ impl Batches {
     }
 }
 
-fn luminance(colour: Rgb) -> f64 {
+pub(crate) fn luminance(colour: Rgb) -> f64 {
     f64::from(colour.luminance())
 }
 
@@ -103,7 +103,8 @@ pub(crate) fn bdpt_batches(
                     let lens = sampler.next_2d();
                     found.clear();
                     integrator.trace(scene, raster, lens, &mut sampler, &mut workspace, &mut found);
-                    for one in &found {
+                    let is_kept = |one: &&Contribution| scene.film.crop_pixel(one.raster).is_some();
+                    for one in found.iter().filter(is_kept) {
                         if let Some((index, factor)) = estimate(one) {
                             let value = luminance(one.diffuse + one.specular) * factor * scale;
                             add(index, one.raster, value);

@@ -185,17 +185,31 @@ pub(super) fn propose<'s, S: Sampler>(
     let added = new + removed - old;
     let open = open(path);
     let count = places(&open, removed, added).count();
-    let left = places(&open, removed, added)
-        .nth(choose(sampler.next_1d(), count))
-        .ok_or(Failure::Impossible)?;
-    let cut = Cut { left, removed, added };
-    let splits = cut.splits(old, scene.emitters.has_visible());
-    let split = splits.start() + choose(sampler.next_1d(), splits.clone().count());
-    let from_eye = (added - 1)
-        .checked_sub(split)
-        .filter(|_| splits.contains(&split))
-        .ok_or(Failure::Impossible)?;
+    let left = places(&open, removed, added).nth(choose(sampler.next_1d(), count));
+    let cut = Cut { left: left.ok_or(Failure::Impossible)?, removed, added };
+    let state = replace(scene, path, cut, sampler)?;
+    Ok(Proposal {
+        forward: ln_c(scene, settings, path, &state, cut),
+        backward: ln_c(scene, settings, &state, path, cut.reverse()),
+        state,
+    })
+}
 
+/// The path with another piece in the gap of the cut.
+fn replace<'s, S: Sampler>(
+    scene: &'s Scene,
+    path: &Path<'s>,
+    cut: Cut,
+    sampler: &mut S,
+) -> Result<Path<'s>, Failure> {
+    let Cut { left, removed, added } = cut;
+    let splits = cut.splits(path.k() + 2, scene.emitters.has_visible());
+    let split = splits.start() + choose(sampler.next_1d(), splits.clone().count());
+    let from_eye = if splits.contains(&split) {
+        added - 1 - split
+    } else {
+        return Err(Failure::Impossible);
+    };
     let mut light = End::of_light(path, left);
     let mut eye = End::of_eye(path, left + removed);
     for _ in 0..split {
@@ -216,15 +230,11 @@ pub(super) fn propose<'s, S: Sampler>(
     if !is_hit {
         let edge = left + split - 1;
         let vertices = state.vertices();
-        if !(between(scene, &vertices[edge], &vertices[edge + 1]) > 0.0) {
+        if between(scene, &vertices[edge], &vertices[edge + 1]) <= 0.0 {
             return Err(Failure::Blocked);
         }
     }
-    Ok(Proposal {
-        forward: ln_c(scene, settings, path, &state, cut),
-        backward: ln_c(scene, settings, &state, path, cut.reverse()),
-        state,
-    })
+    Ok(state)
 }
 
 /// One of `count` by `u` in `[0, 1)`.
@@ -303,6 +313,62 @@ fn ln_split(scene: &Scene, to: &Path<'_>, cut: Cut, split: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampler::IndependentSampler;
+    use crate::scene::LoadOptions;
+
+    /// A ball of which the wall reflects 0.6 and shines with radiance 0.5, seen from its centre: paths of `k` edges bring
+    /// `0.5 · 0.6^(k-1)`.
+    const BALL: &str = r#"<scene version="3.0.0">
+        <integrator type="path"><integer name="max_depth" value="5"/></integrator>
+        <sensor type="perspective"><float name="fov" value="60"/>
+            <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/>
+                <rfilter type="box"/></film></sensor>
+        <shape type="sphere"><boolean name="flip_normals" value="true"/>
+            <bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf>
+            <emitter type="area"><rgb name="radiance" value="0.5"/></emitter></shape></scene>"#;
+
+    #[test]
+    fn replacing_a_whole_path_measures_the_light_of_each_length() {
+        // The mean of C = f / T is the integral of f over all that the cut leads to.
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("ball.xml");
+        std::fs::write(&file, BALL).unwrap();
+        let scene = Scene::load(&file, &LoadOptions::default()).unwrap();
+        let settings = MutationSettings::of(&scene);
+        let mut sampler = IndependentSampler::new(1, 2, 3);
+        let empty =
+            || End { vertices: vec![], events: vec![], back: Vec3::ZERO, has_raster: false };
+        let mut eye = empty();
+        for step in 0..3 {
+            eye.grow(&scene, Side::Eye, step == 2, &mut sampler).unwrap();
+        }
+        let mut path = join(&scene, empty(), eye, true).unwrap();
+        for k in [1, 4, 2, 3, 5, 1] {
+            let (old, new) = (path.k() + 2, k + 2);
+            let cut = Cut { left: 0, removed: old, added: new };
+            let chosen = lengths(&settings, old).pmf(new as u32)
+                * removals(old, new).pmf(cut.removed as u32);
+            let (count, mut sum, mut squares) = (20_000.0f64, 0.0, 0.0);
+            let mut last = None;
+            for _ in 0..count as u32 {
+                if let Ok(state) = replace(&scene, &path, cut, &mut sampler) {
+                    let value = chosen * ln_c(&scene, &settings, &path, &state, cut).exp();
+                    sum += value;
+                    squares += value * value;
+                    last = Some(state);
+                }
+            }
+            let (mean, expected) = (sum / count, 0.5 * 0.6f64.powi(k as i32 - 1));
+            let error = ((squares / count - mean * mean) / count).sqrt();
+            // Six means: 4.4 is the normal quantile of level 1e-4 over all of them.
+            assert!(error < 0.02 * expected, "{old} to {new}: ± {error}");
+            assert!(
+                (mean - expected).abs() < 4.4 * error,
+                "{old} to {new}: {mean} ± {error}, expected {expected}"
+            );
+            path = last.unwrap();
+        }
+    }
 
     #[test]
     fn places_are_those_of_the_worked_example() {

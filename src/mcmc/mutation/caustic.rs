@@ -38,7 +38,7 @@ pub(super) fn propose<'s, S: Sampler>(
     let mut walk = Walk::new(scene, path, sampler);
     let (ray, _) = walk.chain(ray, l + 1, Side::Light)?;
     walk.smooth(ray)?;
-    let state = walk.from_light(l)?;
+    let state = walk.into_path_from_light(l)?;
     if !self::jumps(settings, &state, l).is_some_and(|jumps| jumps.contains(jump)) {
         return Err(Failure::NoReturn);
     }

@@ -29,12 +29,12 @@ pub(super) fn propose<'s, S: Sampler>(
     let (ray, j) = walk.chain(scene.camera.ray(raster, lens), path.k() - 1, Side::Eye)?;
     if j == 0 {
         walk.light(ray)?;
-        let state = walk.from_eye(raster)?;
+        let state = walk.into_path_from_eye(raster)?;
         let [forward, backward] = [state.ln_value(), path.ln_value()];
         return Ok(Proposal { state, forward, backward });
     }
     walk.smooth(ray)?;
-    let state = walk.from_eye(raster)?;
+    let state = walk.into_path_from_eye(raster)?;
     check(scene, path, &state, j - 1)?;
     let [forward, backward] =
         [&state, path].map(|path| path.ln_value() + path.ln_connection(j - 1));

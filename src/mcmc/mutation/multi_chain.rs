@@ -5,9 +5,8 @@
 //! shines through: then nothing is connected (Mitsuba 0.6 does the same through its node for all emitters).
 //!
 //! The first chain begins at a moved raster position; at each smooth vertex but the last the old direction turns a little.
-//! With `x_j` the last, `C ∝ lum(L_e ∏ f̄ ∏ ρ) ∏ |cos θ_i| G(x_{j-1}, x_j)` over the smooth vertices between, without the
-//! last factor where an emitter is met: the angle of a
-//! turn is the same both ways, and so is its density.
+//! With `x_j` the last, `C ∝ lum(L_e ∏ f̄ ∏ ρ) ∏ |cos θ_i| G(x_{j-1}, x_j)` over the smooth vertices between, without the last
+//! factor where an emitter is met: the angle of a turn is the same both ways, and so is its density.
 
 use super::super::{Failure, Proposal};
 use super::MutationSettings;
@@ -56,10 +55,10 @@ pub(super) fn propose<'s, S: Sampler>(
     }
     let state = if end == 0 {
         walk.light(ray)?;
-        walk.from_eye(raster)?
+        walk.into_path_from_eye(raster)?
     } else {
         walk.smooth(ray)?;
-        let state = walk.from_eye(raster)?;
+        let state = walk.into_path_from_eye(raster)?;
         check(scene, path, &state, end - 1)?;
         state
     };

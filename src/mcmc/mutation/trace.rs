@@ -73,7 +73,7 @@ impl<'a, 's, S: Sampler> Walk<'a, 's, S> {
     }
 
     /// The path with what was found from the eye instead of the vertices that it replaces, and another raster position.
-    pub(super) fn from_eye(self, raster: Vec2) -> Result<Path<'s>, Failure> {
+    pub(super) fn into_path_from_eye(self, raster: Vec2) -> Result<Path<'s>, Failure> {
         let kept = self.path.k() - self.found.len();
         let mut vertices = self.path.vertices()[..kept].to_vec();
         vertices.extend(self.found.into_iter().rev());
@@ -85,7 +85,7 @@ impl<'a, 's, S: Sampler> Walk<'a, 's, S> {
 
     /// The path with what was found from the light instead of all behind the vertices of index `0..=last`, seen by the same
     /// point of the lens.
-    pub(super) fn from_light(self, last: usize) -> Result<Path<'s>, Failure> {
+    pub(super) fn into_path_from_light(self, last: usize) -> Result<Path<'s>, Failure> {
         let Some(Vertex::Surface(seen)) = self.found.last() else {
             return Err(Failure::Impossible);
         };
