@@ -226,7 +226,7 @@ fn all_energy_of_chains_comes_to_the_film() {
         ("direct, too", Erpt { separate_direct: false, ..Erpt::default() }),
         ("limited", Erpt { consecutive_limit: Some(2), ..Erpt::default() }),
     ] {
-        let deposit = energy(&scene, &erpt) / 16.0;
+        let deposit = energy(&scene, &erpt) / 100.0;
         let mut whole = Ledger::default();
         let mut film = SplatFilm::new(scene.film);
         let mut splat_sum = 0.0;
