@@ -4,6 +4,7 @@ mod analytic;
 mod bidirectional;
 mod buffers;
 mod cli;
+mod consistency;
 mod dataset;
 mod delta;
 mod determinism;

@@ -13,6 +13,7 @@ pub struct Diffuse {
 }
 
 impl Diffuse {
+    #[inline]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if wo.z <= 0.0 || wi.z <= 0.0 {
             return BsdfEval::default();

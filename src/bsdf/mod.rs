@@ -44,6 +44,12 @@ pub struct BsdfEval {
 }
 
 impl BsdfEval {
+    /// Does nothing scatter?
+    #[inline]
+    pub fn is_black(&self) -> bool {
+        self.diffuse.is_black() && self.specular.is_black()
+    }
+
     /// The sample of a direction that was chosen with the density of this evaluation; `None` if it cannot be chosen.
     fn sampled(self, wi: Vec3, eta: f32) -> Option<BsdfSample> {
         // Written so that NaN, too, is no density.
@@ -160,7 +166,17 @@ impl<'a> Bsdf<'a> {
     }
 
     /// `f |cos θi|` and its density for two directions; all zero where the surface does not scatter smoothly.
+    #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        match self {
+            // The most frequent model is worth the space.
+            Self::Diffuse(model) => model.eval(wo, wi),
+            _ => self.eval_others(wo, wi),
+        }
+    }
+
+    /// [`Bsdf::eval`] of all models but the diffuse one.
+    fn eval_others(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         match self {
             Self::Diffuse(model) => model.eval(wo, wi),
             Self::RoughConductor(model) => model.eval(wo, wi),
@@ -175,6 +191,7 @@ impl<'a> Bsdf<'a> {
     }
 
     /// Density of choosing `wi` given `wo`, per steradian; equals `eval(wo, wi).pdf`.
+    #[inline]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.eval(wo, wi).pdf
     }

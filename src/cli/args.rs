@@ -61,6 +61,30 @@ pub(super) struct Networks {
     pub(super) models: Vec<PathBuf>,
 }
 
+/// How the methods of Markov chains run.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Markov chains")]
+pub(super) struct ChainOptions {
+    /// Walks that samples of pssmlt, and seeds of erpt, are made of
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) walks: Walks,
+    /// Mutations of mlt and erpt, such as lens,caustic [default: all for mlt, all but bidirectional for erpt]
+    #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
+    pub(super) mutations: Vec<Mutation>,
+    /// Let the chains of mlt and erpt find light of at most one bounce, too, instead of leaving it to path tracing
+    #[arg(long)]
+    pub(super) chain_direct: bool,
+    /// Mutations of each chain of erpt
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub(super) chain_length: u32,
+    /// Biased, erpt: drop what a chain deposits on one path beyond N mutations in a row; the energy lost is told
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) consecutive_limit: Option<u32>,
+    /// Biased, erpt: replace pixels above FACTOR times the median of the proposals around them by it; the energy lost is told
+    #[arg(long, value_name = "FACTOR", value_parser = factor)]
+    pub(super) proposal_limit: Option<f32>,
+}
+
 #[derive(Args, Debug)]
 pub(super) struct Render {
     #[command(flatten)]
@@ -91,6 +115,8 @@ pub(super) struct Render {
     /// Where random numbers come from
     #[arg(long, value_enum, default_value_t)]
     pub(super) sampler: Sampler,
+    #[command(flatten)]
+    pub(super) chains: ChainOptions,
     /// How path tracing finds direct light
     #[arg(long, value_enum, default_value_t)]
     pub(super) strategy: Strategy,
@@ -283,8 +309,33 @@ pub(super) enum Integrator {
     Bdpt,
     /// Metropolis sampling in primary sample space (Kelemen et al.)
     Pssmlt,
+    /// Metropolis light transport: mutations of whole paths (Veach and Guibas)
+    Mlt,
+    /// Energy redistribution path tracing: short chains from path-traced seeds (Cline et al.)
+    Erpt,
     /// Correlated visibility sampling of direct light, path tracing of all other light
     Visibility,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Mutation {
+    /// Another piece of another length: reaches every path
+    Bidirectional,
+    /// Another place on the film
+    Lens,
+    /// Another direction of light before its last smooth surface
+    Caustic,
+    /// Another place on the film, and other directions between mirrors
+    MultiChain,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Walks {
+    /// From the camera and from emitters, as bidirectional path tracing
+    #[default]
+    Both,
+    /// From the camera, as path tracing
+    Camera,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -340,6 +391,13 @@ fn noise(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|noise: &f64| *noise >= 0.0 && noise.is_finite())
         .ok_or_else(|| "expected zero or a positive number, such as 0.001".to_owned())
+}
+
+fn factor(text: &str) -> Result<f32, String> {
+    text.parse()
+        .ok()
+        .filter(|factor: &f32| *factor >= 1.0 && factor.is_finite())
+        .ok_or_else(|| "expected a number of at least 1, such as 3".to_owned())
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {

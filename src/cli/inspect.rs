@@ -5,6 +5,7 @@ use super::args::Inspect;
 use super::render::load;
 use crate::film::Film;
 use crate::geometry::Part;
+use crate::integrator::Choice;
 use crate::scene::Requirements;
 use quietlight_denoise::LayerKind;
 use quietlight_denoise::kpcn::{self, Branch};
@@ -25,6 +26,7 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
         .collect();
     let [_, _, width, height] = scene.film.crop;
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
+    let choice = Choice::of(&scene);
     let film = megabytes(Film::bytes(scene.film, &requirements));
     let tree = megabytes(scene.geometry.bytes() as u64);
     if arguments.json {
@@ -45,6 +47,8 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
             "has_defocus": requirements.has_defocus,
             "layers": layers,
             "networks": networks(&requirements),
+            "integrator": choice.integrator.name(),
+            "integrator_reason": choice.reason,
             "film_megabytes": film,
             "tree_megabytes": tree,
             "warnings": scene.warnings,
@@ -67,7 +71,7 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
         if requirements.has_delta { ", some delta" } else { "" }
     );
     println!("emitters    {}", scene.emitters.len());
-    println!("integrator  path tracing, light and BSDF sampling weighted by the power heuristic");
+    println!("integrator  {}: {}", choice.integrator.name(), choice.reason);
     println!("layers      {} ({film:.1} MB)", layers.join(", "));
     println!("denoiser    {}", plan(&requirements));
     for line in requirements.left_out() {

@@ -8,6 +8,7 @@ mod denoise;
 mod denoising;
 mod doctor;
 mod inspect;
+mod integrator;
 mod progress;
 mod render;
 mod replay;

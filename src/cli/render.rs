@@ -1,12 +1,9 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
-use super::args::{self, Render, Sampler, SceneArguments, Strategy};
+use super::args::{Render, Sampler, SceneArguments};
 use super::denoising::{Denoised, Denoising};
 use super::progress::{Progress, human};
-use super::{BadInput, Failure, replay};
-use crate::integrator::{
-    Bdpt, CorrelatedVisibility, Integrator, PathTracing, PrimaryPaths, Pssmlt,
-};
+use super::{BadInput, Failure, integrator, replay};
 use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
@@ -131,27 +128,8 @@ fn settings(arguments: &Render, scene: &Scene) -> RenderSettings {
             Sampler::Sobol => SamplerKind::Sobol,
             Sampler::Independent => SamplerKind::Independent,
         },
-        integrator: integrator(arguments),
+        integrator: integrator::of(arguments, scene),
         ..RenderSettings::default()
-    }
-}
-
-/// The method asked for.
-fn integrator(arguments: &Render) -> Integrator {
-    let strategy = match arguments.strategy {
-        Strategy::Mis => crate::integrator::Strategy::Mis,
-        Strategy::Light => crate::integrator::Strategy::Light,
-        Strategy::Bsdf => crate::integrator::Strategy::Bsdf,
-    };
-    let path_tracing = PathTracing { strategy, ..PathTracing::default() };
-    match arguments.integrator {
-        args::Integrator::Auto | args::Integrator::Path => path_tracing.into(),
-        args::Integrator::Bdpt => Integrator::Bdpt(Bdpt::default()),
-        args::Integrator::Visibility => Integrator::Visibility(CorrelatedVisibility::default()),
-        args::Integrator::Pssmlt => Integrator::Pssmlt(Pssmlt {
-            paths: PrimaryPaths::Camera(path_tracing),
-            ..Pssmlt::default()
-        }),
     }
 }
 

@@ -132,6 +132,43 @@ impl SplatFilm {
         self.nowhere += other.nowhere;
     }
 
+    /// The film whose numbers are those of `self`, but where they exceed `limit` times the median of the 3×3 pixels around them
+    /// on another film: there they are that median. It is darker, in no way that could be predicted.
+    ///
+    /// # Panics
+    /// If the other film has another size.
+    pub fn limited_by(&self, other: &Self, limit: f64) -> Self {
+        assert_eq!(self.settings.crop, other.settings.crop, "films of one size");
+        let [_, _, columns, rows] = self.settings.crop.map(|number| number as usize);
+        let mut limited = self.clone();
+        let mut around = Vec::with_capacity(9);
+        for (index, pixel) in limited.pixels.iter_mut().enumerate() {
+            let (x, y) = (index % columns, index / columns);
+            for (half, sums) in pixel.half.iter_mut().enumerate() {
+                for (place, sum) in sums.iter_mut().enumerate() {
+                    around.clear();
+                    for row in y.saturating_sub(1)..(y + 2).min(rows) {
+                        for column in x.saturating_sub(1)..(x + 2).min(columns) {
+                            around.push(other.pixels[row * columns + column].half[half][place]);
+                        }
+                    }
+                    around.sort_by(f64::total_cmp);
+                    let middle = around.len() / 2;
+                    let median = 0.5 * (around[middle] + around[(around.len() - 1) / 2]);
+                    if *sum > limit * median {
+                        *sum = median;
+                    }
+                }
+            }
+        }
+        limited
+    }
+
+    /// Sum of all colours of all splats kept.
+    pub fn total(&self) -> f64 {
+        self.pixels.iter().map(|pixel| pixel.half.as_flattened().iter().sum::<f64>()).sum()
+    }
+
     /// Non-finite splats dropped so far.
     pub fn invalid_splats(&self) -> u64 {
         self.nowhere + self.pixels.iter().map(|pixel| u64::from(pixel.invalid)).sum::<u64>()
@@ -208,13 +245,7 @@ impl SplatFilm {
             self.nowhere += 1;
             return None;
         }
-        let [left, top, columns, rows] = self.settings.crop;
-        let place = |at: f32, start: u32, count: u32| {
-            let cell = f64::from(at).floor() - f64::from(start);
-            (0.0..f64::from(count)).contains(&cell).then_some(cell as usize)
-        };
-        let (x, y) = (place(raster.x, left, columns)?, place(raster.y, top, rows)?);
-        Some(y * columns as usize + x)
+        self.settings.crop_pixel(raster)
     }
 }
 

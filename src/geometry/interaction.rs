@@ -1,7 +1,7 @@
 //! A point on a surface, with what shading and further rays need to know of it.
 
 use super::{Mesh, Ray};
-use crate::math::float::{gamma, offset_point};
+use crate::math::float::{gamma, offset_point, offset_points};
 use glam::{DVec3, Vec2, Vec3};
 
 /// A point on a surface.
@@ -55,6 +55,11 @@ impl Interaction {
     /// elsewhere may end without meeting the surface.
     pub fn offset_towards(&self, direction: Vec3) -> Vec3 {
         offset_point(self.position, self.error, self.normal, direction)
+    }
+
+    /// The point moved off to the side of `normal`, and to the other one, as by [`Interaction::offset_towards`].
+    pub fn both_offsets(&self) -> [Vec3; 2] {
+        offset_points(self.position, self.error, self.normal)
     }
 
     /// At barycentric weights `u`, `v` of the second and third corner of a mesh's triangle.

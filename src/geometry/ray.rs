@@ -20,6 +20,12 @@ impl Ray {
         Self { origin, direction, t_max: f32::INFINITY }
     }
 
+    /// From `start`, with its parameter 1 at `end`, where it ends.
+    #[inline]
+    pub fn between(start: Vec3, end: Vec3) -> Self {
+        Self { origin: start, direction: end - start, t_max: 1.0 }
+    }
+
     /// The point at parameter `t`.
     pub fn at(&self, t: f32) -> Vec3 {
         self.origin + self.direction * t

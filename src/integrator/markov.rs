@@ -20,6 +20,11 @@ pub trait MarkovChains: Copy + Debug + Sync {
     /// Draws that give the normalisation and the seeds, both halves together.
     fn draws(&self) -> u32;
 
+    /// Is light of at most one bounce left to path tracing? Then the target is that of all other light.
+    fn direct(&self) -> bool {
+        false
+    }
+
     /// Makes draw `index` of the bootstrap, appending its candidates with their weights: target density over the density of
     /// being drawn, so that the mean of the sum of a draw's weights is `b`. A weight that is not finite is counted.
     fn draw(&self, scene: &Scene, seed: u64, index: u64, found: &mut Vec<(Self::Seed, f64)>);

@@ -4,17 +4,25 @@
 //! many of them, on which threads, is for [`crate::render`] to say.
 
 pub mod bdpt;
+mod changes;
+mod choice;
 pub mod correlated_visibility;
+pub mod erpt;
 mod markov;
 pub mod mis;
+pub mod mlt;
 pub mod path_tracing;
 pub mod pssmlt;
 pub mod receiver;
 mod splat;
 
 pub use bdpt::Bdpt;
+pub use changes::Mutations;
+pub use choice::{Choice, LightProbe};
 pub use correlated_visibility::CorrelatedVisibility;
+pub use erpt::Erpt;
 pub use markov::MarkovChains;
+pub use mlt::Mlt;
 pub use path_tracing::{PathSample, PathTracing, Strategy, Vertex};
 pub use pssmlt::{PrimaryPaths, Pssmlt};
 pub use receiver::Receiver;
@@ -29,6 +37,10 @@ pub enum Integrator {
     Bdpt(Bdpt),
     /// Metropolis sampling of the random numbers of another method.
     Pssmlt(Pssmlt),
+    /// Metropolis sampling of whole paths.
+    Mlt(Mlt),
+    /// Path tracing whose energy short chains spread over the film.
+    Erpt(Erpt),
     /// Resampled direct light, exchanged between neighbouring pixels; path tracing of all other light.
     Visibility(CorrelatedVisibility),
 }
@@ -46,6 +58,8 @@ impl Integrator {
             Self::Path(_) => "path",
             Self::Bdpt(_) => "bdpt",
             Self::Pssmlt(_) => "pssmlt",
+            Self::Mlt(_) => "mlt",
+            Self::Erpt(_) => "erpt",
             Self::Visibility(_) => "visibility",
         }
     }
@@ -56,6 +70,8 @@ impl Integrator {
             Self::Path(settings) => format!("{settings:?}"),
             Self::Bdpt(settings) => format!("{settings:?}"),
             Self::Pssmlt(settings) => format!("{settings:?}"),
+            Self::Mlt(settings) => format!("{settings:?}"),
+            Self::Erpt(settings) => format!("{settings:?}"),
             Self::Visibility(settings) => format!("{settings:?}"),
         }
     }
@@ -66,10 +82,22 @@ impl Integrator {
     }
 
     /// The path tracer that walks for the feature layers, and for all layers where it is the integrator.
+    pub fn features(&self) -> PathTracing {
+        match self {
+            Self::Path(settings) => *settings,
+            _ => PathTracing { strategy: Strategy::Features, ..PathTracing::default() },
+        }
+    }
+
+    /// The path tracer that finds light where this one leaves that to it.
     pub fn path_tracing(&self) -> PathTracing {
         match self {
             Self::Path(settings) => *settings,
-            Self::Bdpt(_) | Self::Pssmlt(_) | Self::Visibility(_) => PathTracing::default(),
+            Self::Bdpt(_)
+            | Self::Pssmlt(_)
+            | Self::Mlt(_)
+            | Self::Erpt(_)
+            | Self::Visibility(_) => PathTracing::default(),
         }
     }
 }

@@ -23,6 +23,9 @@ pub enum Strategy {
     /// Both, weighted by the power heuristic.
     #[default]
     Mis,
+    /// Not at all: walks end as soon as the features of a sample are known, and its radiance means nothing. The features are
+    /// those of the other strategies that have shadow rays, bit for bit.
+    Features,
 }
 
 /// A path tracer: prefer it wherever light is not mainly found through narrow openings or focused by glass.
@@ -170,6 +173,7 @@ impl PathTracing {
             // Emission.
             let mut emitted = Rgb::BLACK;
             if let Some(id) = surface.emitter
+                && self.strategy != Strategy::Features
                 && !(scene.limits.hide_emitters && depth == 1)
                 && !(WITHOUT_DIRECT && is_left_out)
             {
@@ -213,6 +217,11 @@ impl PathTracing {
             }
 
             // Direct light.
+            let is_lit = match self.strategy {
+                Strategy::Bsdf => false,
+                Strategy::Features => scatterings == 0,
+                Strategy::Light | Strategy::Mis => true,
+            };
             let is_receiver = WITHOUT_DIRECT && !is_received && shading.bsdf.has_smooth();
             if is_receiver {
                 is_received = true;
@@ -225,7 +234,7 @@ impl PathTracing {
                 if receive(receiver).is_break() {
                     break;
                 }
-            } else if self.strategy != Strategy::Bsdf
+            } else if is_lit
                 && shading.bsdf.has_smooth()
                 && let Some(light) = scene.emitters.sample(at.position, u_selection, u_light)
             {
@@ -240,6 +249,9 @@ impl PathTracing {
                 vertex.added += direct.diffuse + direct.specular;
             }
             observe(vertex);
+            if self.strategy == Strategy::Features && features.are_known() {
+                break;
+            }
 
             // The next direction.
             let Some(scattered) = shading.bsdf.sample(shading.wo, u_lobe, u_bsdf) else { break };
@@ -310,7 +322,7 @@ impl PathTracing {
     fn hit_weight(&self, departure: &Departure, light_pdf: impl FnOnce() -> f32) -> f32 {
         match self.strategy {
             _ if departure.is_delta => 1.0,
-            Strategy::Light => 0.0,
+            Strategy::Light | Strategy::Features => 0.0,
             Strategy::Bsdf => 1.0,
             Strategy::Mis => power_heuristic(departure.pdf, light_pdf()),
         }
@@ -372,6 +384,11 @@ struct FeatureWalk {
 }
 
 impl FeatureWalk {
+    /// Will further hits add nothing?
+    fn are_known(&self) -> bool {
+        self.hits >= 2 && self.is_surface_found
+    }
+
     fn visit(&mut self, sample: &mut PathSample, shading: &Shading<'_>, at: &Interaction, t: f32) {
         self.hits += 1;
         if self.hits > 2 && self.is_surface_found {

@@ -1,5 +1,6 @@
 //! Metropolis sampling in primary sample space.
 
+use super::bdpt::{Bdpt, Workspace};
 use super::{MarkovChains, PathTracing, Splat};
 use crate::mcmc::{Chain, Failure, Kernels, LogUniform, Proposal, Statistics};
 use crate::sampler::{IndependentSampler, PrimarySampler, Sampler, Stream};
@@ -28,14 +29,17 @@ pub struct Pssmlt {
 /// What a point of primary sample space stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PrimaryPaths {
-    /// A walk from the camera, with all the light found on it.
+    /// A walk from the camera, with all the light found on it: one splat for each mutation, and cheap.
     Camera(PathTracing),
+    /// Two walks, with everything that joins them: many splats for each mutation, also where the walk from the camera did
+    /// not go.
+    Bidirectional(Bdpt),
 }
 
 impl Default for Pssmlt {
     fn default() -> Self {
         Self {
-            paths: PrimaryPaths::Camera(PathTracing::default()),
+            paths: PrimaryPaths::Bidirectional(Bdpt::default()),
             large_step: 0.3,
             shortest_step: 1.0 / 1024.0,
             longest_step: 1.0 / 64.0,
@@ -55,38 +59,55 @@ pub struct Found {
 
 /// A chain in primary sample space.
 #[derive(Debug)]
-pub struct PrimaryWalker {
+pub struct PrimaryWalker<'s> {
     chain: Chain<Found>,
+    workspace: Workspace<'s>,
     primary: PrimarySampler,
     /// For the decisions of the chain; the primary sampler has its own.
     numbers: IndependentSampler,
 }
 
 /// The two mutations, in the order of [`Pssmlt::names`].
-struct Steps<'a> {
+struct Steps<'a, 's> {
     settings: &'a Pssmlt,
-    scene: &'a Scene,
+    scene: &'s Scene,
     primary: &'a mut PrimarySampler,
+    workspace: &'a mut Workspace<'s>,
 }
 
 /// Index of the mutation that makes all numbers new.
 const LARGE: usize = 0;
 
 impl Pssmlt {
-    /// The sample that these numbers make. The first pair is the place on the film.
-    fn find<S: Sampler>(&self, scene: &Scene, numbers: &mut S) -> Found {
+    /// The sample that these numbers make. The first pair is the place on the film. Light outside of the crop window is
+    /// none, so that chains do not go there.
+    fn find<'s, S: Sampler>(
+        &self,
+        scene: &'s Scene,
+        numbers: &mut S,
+        workspace: &mut Workspace<'s>,
+    ) -> Found {
         let raster = scene.film.crop_point(numbers.next_2d());
         let has_lens = scene.camera.aperture_radius() > 0.0;
         let lens = if has_lens { numbers.next_2d() } else { Vec2::ZERO };
-        let splats = match self.paths {
+        let mut found = Found { splats: Vec::new(), luminance: 0.0 };
+        match self.paths {
             PrimaryPaths::Camera(path_tracing) => {
                 let ray = scene.camera.ray(raster, lens);
                 let sample = path_tracing.trace(scene, ray, numbers);
-                vec![Splat { raster, diffuse: sample.diffuse, specular: sample.specular }]
+                let (diffuse, specular) = (sample.diffuse, sample.specular);
+                found.add(scene, Splat { raster, diffuse, specular }, 1.0);
             }
-        };
-        let luminance = |splat: &Splat| f64::from((splat.diffuse + splat.specular).luminance());
-        Found { luminance: splats.iter().map(luminance).sum(), splats }
+            PrimaryPaths::Bidirectional(bdpt) => {
+                let mut contributions = Vec::new();
+                bdpt.trace(scene, raster, lens, numbers, workspace, &mut contributions);
+                for one in contributions {
+                    let (diffuse, specular) = (one.diffuse, one.specular);
+                    found.add(scene, Splat { raster: one.raster, diffuse, specular }, one.weight);
+                }
+            }
+        }
+        found
     }
 
     fn small_step(&self) -> LogUniform {
@@ -94,10 +115,22 @@ impl Pssmlt {
     }
 }
 
+impl Found {
+    /// Adds light of that weight. What is not finite makes the luminance so, too, and the chain does not go there.
+    fn add(&mut self, scene: &Scene, splat: Splat, weight: f64) {
+        let luminance = f64::from((splat.diffuse + splat.specular).luminance()) * weight;
+        let is_seen = !splat.raster.is_finite() || scene.film.crop_pixel(splat.raster).is_some();
+        if is_seen && luminance != 0.0 {
+            self.luminance += luminance;
+            self.splats.push(splat.weighted(weight));
+        }
+    }
+}
+
 impl MarkovChains for Pssmlt {
     /// Index of the draw.
     type Seed = u64;
-    type Walker<'s> = PrimaryWalker;
+    type Walker<'s> = PrimaryWalker<'s>;
 
     fn names(&self) -> &'static [&'static str] {
         &["large step", "small step"]
@@ -109,49 +142,58 @@ impl MarkovChains for Pssmlt {
 
     fn draw(&self, scene: &Scene, seed: u64, index: u64, found: &mut Vec<(u64, f64)>) {
         let mut numbers = IndependentSampler::stream(seed, Stream::Bootstrap, index);
-        found.push((index, self.find(scene, &mut numbers).luminance));
+        let workspace = &mut Workspace::default();
+        found.push((index, self.find(scene, &mut numbers, workspace).luminance));
     }
 
-    fn start(&self, scene: &Scene, seed: u64, from: &u64, index: u64) -> Option<PrimaryWalker> {
+    fn start<'s>(
+        &self,
+        scene: &'s Scene,
+        seed: u64,
+        from: &u64,
+        index: u64,
+    ) -> Option<PrimaryWalker<'s>> {
+        let mut workspace = Workspace::default();
         let first = IndependentSampler::stream(seed, Stream::Bootstrap, *from);
         let mut primary = PrimarySampler::new(first, self.small_step());
-        let found = self.find(scene, &mut primary);
+        let found = self.find(scene, &mut primary, &mut workspace);
         if !(found.luminance.is_finite() && found.luminance > 0.0) {
             return None;
         }
         primary.change_by(IndependentSampler::stream(seed, Stream::Chain, 2 * index));
         Some(PrimaryWalker {
             chain: Chain::new(found, self.names().len()),
+            workspace,
             primary,
             numbers: IndependentSampler::stream(seed, Stream::Chain, 2 * index + 1),
         })
     }
 
-    fn mutate(
+    fn mutate<'s>(
         &self,
-        scene: &Scene,
-        walker: &mut PrimaryWalker,
+        scene: &'s Scene,
+        walker: &mut PrimaryWalker<'s>,
         mutations: u64,
         splats: &mut Vec<Splat>,
     ) {
-        let PrimaryWalker { chain, primary, numbers } = walker;
+        let PrimaryWalker { chain, workspace, primary, numbers } = walker;
         let mut record = |found: &Found, weight: f64| {
             let scale = weight / found.luminance;
             splats.extend(found.splats.iter().map(|splat| splat.weighted(scale)));
         };
-        let mut steps = Steps { settings: self, scene, primary };
+        let mut steps = Steps { settings: self, scene, primary, workspace };
         for _ in 0..mutations {
             chain.step(&mut steps, numbers, &mut record);
         }
         chain.flush(&mut record);
     }
 
-    fn statistics<'w>(&self, walker: &'w PrimaryWalker) -> &'w Statistics {
+    fn statistics<'w>(&self, walker: &'w PrimaryWalker<'_>) -> &'w Statistics {
         walker.chain.statistics()
     }
 }
 
-impl Kernels for Steps<'_> {
+impl Kernels for Steps<'_, '_> {
     type State = Found;
 
     fn names(&self) -> &'static [&'static str] {
@@ -170,7 +212,7 @@ impl Kernels for Steps<'_> {
         _: &mut IndependentSampler,
     ) -> Result<Proposal<Found>, Failure> {
         self.primary.mutate(kernel == LARGE);
-        let found = self.settings.find(self.scene, self.primary);
+        let found = self.settings.find(self.scene, self.primary, self.workspace);
         let target = [state.luminance, found.luminance];
         Ok(Proposal::symmetric(found, target))
     }

@@ -21,17 +21,28 @@ pub const fn gamma(n: u32) -> f32 {
 pub fn offset_point(point: Vec3, error: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
     let distance = normal.abs().dot(error);
     let offset = if direction.dot(normal) < 0.0 { normal * -distance } else { normal * distance };
-    let away = |position: f32, offset: f32| {
-        let moved = position + offset;
-        if offset > 0.0 {
-            moved.next_up()
-        } else if offset < 0.0 {
-            moved.next_down()
-        } else {
-            moved
-        }
-    };
     Vec3::new(away(point.x, offset.x), away(point.y, offset.y), away(point.z, offset.z))
+}
+
+/// Both points that [`offset_point`] may give: that on the side of `normal`, and that on the other.
+pub fn offset_points(point: Vec3, error: Vec3, normal: Vec3) -> [Vec3; 2] {
+    let offset = normal * normal.abs().dot(error);
+    [offset, -offset].map(|offset| {
+        Vec3::new(away(point.x, offset.x), away(point.y, offset.y), away(point.z, offset.z))
+    })
+}
+
+/// `position + offset`, rounded to the next number in the direction of the offset: `next_up` or `next_down`, without a branch.
+#[inline]
+fn away(position: f32, offset: f32) -> f32 {
+    let moved = position + offset;
+    let (bits, sign) = (moved.to_bits(), offset.to_bits() & 0x8000_0000);
+    let is_outwards = (bits ^ sign) >> 31 == 0;
+    let next = if is_outwards { bits.wrapping_add(1) } else { bits.wrapping_sub(1) };
+    let next = if moved == 0.0 { sign | 1 } else { next };
+    // Nothing lies beyond infinity; an offset of zero moves nothing.
+    let stays = moved.is_nan() || offset == 0.0 || (is_outwards && moved.is_infinite());
+    if stays { moved } else { f32::from_bits(next) }
 }
 
 #[cfg(test)]
@@ -53,6 +64,27 @@ mod tests {
     }
 
     #[test]
+    fn a_coordinate_moves_to_the_next_number_in_the_direction_of_its_offset() {
+        let numbers = [0.0, 1e-45, 1e-38, 0.1, 1.0, 7.5, 1e30, f32::MAX, f32::INFINITY, f32::NAN];
+        let both = || numbers.into_iter().flat_map(|number| [number, -number]);
+        for position in both() {
+            for offset in both() {
+                let moved = position + offset;
+                let expected = if offset > 0.0 {
+                    moved.next_up()
+                } else if offset < 0.0 {
+                    moved.next_down()
+                } else {
+                    moved
+                };
+                let found = away(position, offset);
+                let is_same = found.to_bits() == expected.to_bits();
+                assert!(is_same || (found.is_nan() && expected.is_nan()), "{position} {offset}");
+            }
+        }
+    }
+
+    #[test]
     fn an_offset_point_leaves_its_error_box_on_the_side_of_the_direction() {
         let normal = Vec3::new(0.6, -0.64, 0.48);
         for scale in [1e-4f32, 1.0, 1e6] {
@@ -64,6 +96,8 @@ mod tests {
                     (moved.as_dvec3() - point.as_dvec3()).dot(normal.as_dvec3()) * f64::from(side);
                 let needed = normal.abs().as_dvec3().dot(error.as_dvec3());
                 assert!(along >= needed, "moved {along}, needed {needed}");
+                let both = offset_points(point, error, normal);
+                assert_eq!(moved, both[usize::from(side < 0.0)]);
             }
         }
     }

@@ -110,8 +110,11 @@ impl TwoTailed {
         (-(excess as f64)).exp2()
     }
 
+    /// Sum of all weights: two geometric series, which share the number nearest to the centre.
     fn total(&self) -> f64 {
-        (self.low..=self.high).map(|value| self.weight(value)).sum()
+        let nearest = self.centre.clamp(self.low, self.high);
+        let side = |numbers: i64| 1.0 - (-(numbers as f64)).exp2();
+        1.0 + side(nearest - self.low) + side(self.high - nearest)
     }
 }
 

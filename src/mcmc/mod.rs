@@ -1,8 +1,9 @@
 //! Markov chains of any state: the one Metropolis–Hastings step that four methods share, where chains start, and how far
-//! they jump. Knows nothing of light.
+//! they jump. Only [`mutation`] knows of light.
 
 pub mod bootstrap;
 pub mod chain;
+pub mod mutation;
 pub mod statistics;
 
 pub use crate::math::jump::{LogUniform, TwoTailed};

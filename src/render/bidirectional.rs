@@ -1,6 +1,6 @@
 //! Rounds of bidirectional path tracing: samples of pixels, and splats from walks of light.
 
-use super::method::{Method, Report};
+use super::method::{Method, Report, replace_radiance};
 use super::{RenderSettings, SamplerKind};
 use crate::film::{Film, Radiance, Scale, SplatFilm, Tile};
 use crate::integrator::bdpt::{Bdpt, Workspace};
@@ -10,7 +10,7 @@ use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
 use crate::scene::{Requirements, Scene};
 use crate::transport::Contribution;
 use glam::Vec2;
-use quietlight_denoise::{LayerKind, Layers};
+use quietlight_denoise::Layers;
 use rayon::prelude::*;
 
 /// Samples of a whole picture that a round takes, about: a second at most, and few enough that their splats fit in memory.
@@ -78,14 +78,7 @@ impl Method for Bidirectional<'_> {
     }
 
     fn put_radiance(&self, layers: &mut Layers) {
-        let found = self.film.layers(self.scene.origin);
-        for kind in [LayerKind::Beauty, LayerKind::Diffuse, LayerKind::Specular] {
-            if let Some(layer) = found.layers.get(&kind) {
-                layers.layers.insert(kind, layer.clone());
-            }
-        }
-        layers.samples = found.samples;
-        layers.invalid = found.invalid;
+        replace_radiance(self.film.layers(self.scene.origin), layers);
         self.splats.put_into(layers, &Scale::of_samples(self.samples), Radiance::Added);
     }
 

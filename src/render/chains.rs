@@ -1,6 +1,7 @@
 //! Rounds of Markov chains.
 
-use super::method::{Method, Report};
+use super::method::{Method, Report, replace_radiance};
+use super::sampled::Sampled;
 use super::units::run_units;
 use super::{Budget, RenderSettings};
 use crate::film::{Radiance, Scale, SplatFilm};
@@ -24,6 +25,10 @@ const CHAINS_OF_TIME: u64 = 256;
 /// costs to hand it out.
 const ROUND: u64 = 1 << 16;
 
+/// Mutations for each path-traced sample of direct light, where that is left to path tracing: a sample costs a tenth of a
+/// mutation, and Sobol points are good at it.
+const MUTATIONS_PER_DIRECT: u32 = 4;
+
 /// Draws of the bootstrap that a thread makes at once.
 const DRAWS_AT_ONCE: u64 = 512;
 
@@ -39,6 +44,8 @@ pub(super) struct Chains<'a, M: MarkovChains> {
     scene: &'a Scene,
     method: M,
     film: SplatFilm,
+    /// Light that the chains leave to path tracing.
+    direct: Option<Sampled<'a>>,
     /// Chains of even index belong to half 0, those of odd index to half 1.
     chains: Vec<Unit<M::Walker<'a>>>,
     /// Normalisation and its standard error, from each half's pool.
@@ -90,7 +97,9 @@ impl<'a, M: MarkovChains> Chains<'a, M> {
         Self {
             scene,
             method,
-            film: SplatFilm::new(scene.film),
+            // The squares are not the variance, but they have its shape from pixel to pixel; the halves give its size.
+            film: SplatFilm::of_independent(scene.film),
+            direct: method.direct().then(|| Sampled::of_direct(scene, settings)),
             chains,
             normalisation: [0, 1].map(|half| (pools[half].mean(), pools[half].error())),
             counts,
@@ -149,6 +158,12 @@ impl<M: MarkovChains> Method for Chains<'_, M> {
             unit.half
         });
         self.mutations += mutations;
+        let wanted = (self.samples() / MUTATIONS_PER_DIRECT).max(2);
+        if let Some(direct) = &mut self.direct
+            && direct.samples() < wanted
+        {
+            direct.pass(wanted - direct.samples(), &|_| {});
+        }
     }
 
     fn samples(&self) -> u32 {
@@ -160,13 +175,25 @@ impl<M: MarkovChains> Method for Chains<'_, M> {
     }
 
     fn put_radiance(&self, layers: &mut Layers) {
-        self.film.put_into(layers, &self.scale(), Radiance::Replaced);
+        let radiance = match &self.direct {
+            Some(direct) => {
+                replace_radiance(direct.layers(), layers);
+                Radiance::Added
+            }
+            None => Radiance::Replaced,
+        };
+        self.film.put_into(layers, &self.scale(), radiance);
+    }
+
+    fn is_independent(&self) -> bool {
+        false
     }
 
     fn invalid(&self) -> u64 {
         let failures = self.statistics().kernels;
         let not_finite = failures.iter().map(|kernel| kernel.failures[Failure::NotFinite as usize]);
-        self.film.invalid_splats() + self.invalid + not_finite.sum::<u64>()
+        let direct = self.direct.as_ref().map_or(0, Sampled::invalid_samples);
+        self.film.invalid_splats() + self.invalid + not_finite.sum::<u64>() + direct
     }
 
     fn report(&self) -> Report {

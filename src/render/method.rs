@@ -3,10 +3,11 @@
 use super::RenderSettings;
 use super::bidirectional::Bidirectional;
 use super::chains::Chains;
+use super::redistribution::Redistribution;
 use super::visibility::Visibility;
 use crate::integrator::Integrator;
 use crate::scene::Scene;
-use quietlight_denoise::Layers;
+use quietlight_denoise::{LayerKind, Layers};
 use std::fmt::Debug;
 
 /// A render under way by a method that makes its picture in rounds, from splats or otherwise. The feature layers come from
@@ -28,6 +29,11 @@ pub(super) trait Method: Debug {
     /// variance where the method knows it.
     fn put_radiance(&self, layers: &mut Layers);
 
+    /// Are its samples independent of each other, so that the variance it gives needs no correction by the halves?
+    fn is_independent(&self) -> bool {
+        true
+    }
+
     /// Non-finite contributions dropped so far.
     fn invalid(&self) -> u64;
 
@@ -44,6 +50,15 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
+/// Puts the radiance that a film found in place of that of `layers`.
+pub(super) fn replace_radiance(found: Layers, layers: &mut Layers) {
+    let is_radiance =
+        |kind| matches!(kind, LayerKind::Beauty | LayerKind::Diffuse | LayerKind::Specular);
+    layers.layers.extend(found.layers.into_iter().filter(|&(kind, _)| is_radiance(kind)));
+    layers.samples = found.samples;
+    layers.invalid = found.invalid;
+}
+
 /// Starts the method of the settings; `None` for path tracing, whose radiance comes with the features.
 pub(super) fn start<'a>(
     scene: &'a Scene,
@@ -53,6 +68,8 @@ pub(super) fn start<'a>(
         Integrator::Path(_) => None,
         Integrator::Bdpt(bdpt) => Some(Box::new(Bidirectional::new(scene, bdpt, settings))),
         Integrator::Pssmlt(method) => Some(Box::new(Chains::new(scene, method, settings))),
+        Integrator::Erpt(erpt) => Some(Box::new(Redistribution::new(scene, erpt, settings))),
+        Integrator::Mlt(method) => Some(Box::new(Chains::new(scene, method, settings))),
         Integrator::Visibility(method) => Some(Box::new(Visibility::new(scene, method, settings))),
     }
 }

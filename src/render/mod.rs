@@ -3,6 +3,7 @@
 mod bidirectional;
 mod chains;
 mod method;
+mod redistribution;
 mod sampled;
 mod units;
 mod visibility;
@@ -215,8 +216,12 @@ impl<'a> Rendering<'a> {
         }
         // The variance of independent samples is right, and of more degrees of freedom than that of the halves; that of
         // splats that depend on each other only the halves know.
-        for layer in layers.layers.values_mut() {
-            if self.settings.sampler == SamplerKind::Sobol || layer.variance.is_none() {
+        let depends = self.method.as_ref().is_some_and(|method| !method.is_independent());
+        for (kind, layer) in &mut layers.layers {
+            if self.settings.sampler == SamplerKind::Sobol
+                || layer.variance.is_none()
+                || (depends && kind.is_radiance())
+            {
                 variance::correct_variances(layer);
             }
         }

@@ -11,6 +11,9 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+/// Edges of the paths of light of at most one bounce.
+const DIRECT: u32 = 2;
+
 /// A film under way that path tracing fills, sample after sample.
 #[derive(Debug)]
 pub(super) struct Sampled<'a> {
@@ -27,11 +30,20 @@ impl<'a> Sampled<'a> {
     pub(super) fn new(scene: &'a Scene, settings: &RenderSettings) -> Self {
         Self {
             scene,
-            path_tracing: settings.integrator.path_tracing(),
+            path_tracing: settings.integrator.features(),
             seed: settings.seed,
             sampler: settings.sampler,
             film: Film::new(scene.film, &Requirements::of(scene)),
             samples: 0,
+        }
+    }
+
+    /// Light of at most one bounce alone, for methods that leave it to path tracing; without features.
+    pub(super) fn of_direct(scene: &'a Scene, settings: &RenderSettings) -> Self {
+        Self {
+            path_tracing: PathTracing { max_depth: DIRECT, ..settings.integrator.path_tracing() },
+            film: Film::of_radiance(scene.film, &Requirements::of(scene)),
+            ..Self::new(scene, settings)
         }
     }
 

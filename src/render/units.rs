@@ -27,3 +27,53 @@ pub(super) fn run_units<U: Send>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::{Radiance, Scale};
+    use crate::math::Rgb;
+    use crate::scene::FilmSettings;
+    use glam::Vec2;
+    use quietlight_denoise::{Image, Layer, LayerKind, Layers};
+    use std::time::Duration;
+
+    /// Whole numbers and ±10³⁰: what is left of them tells the order in which they were added up.
+    fn splat(unit: usize) -> Splat {
+        let value = match unit % 3 {
+            0 => 1e30,
+            1 => (unit * unit) as f32,
+            _ => -1e30,
+        };
+        Splat { raster: Vec2::new(0.5, 0.5), diffuse: Rgb::splat(value), specular: Rgb::BLACK }
+    }
+
+    fn diffuse(film: &SplatFilm) -> Layer {
+        let mean = Image::zeros((3, 1, 1));
+        let mut layers = Layers { width: 1, height: 1, ..Layers::default() };
+        layers.layers.insert(LayerKind::Diffuse, Layer { mean, variance: None, halves: None });
+        film.put_into(&mut layers, &Scale { half: [1.0; 2], weight: [0.5; 2] }, Radiance::Replaced);
+        layers.layers[&LayerKind::Diffuse].clone()
+    }
+
+    #[test]
+    fn splats_come_to_the_film_in_the_order_of_units_whoever_is_first() {
+        let settings = FilmSettings { width: 1, height: 1, crop: [0, 0, 1, 1] };
+        // 1e30 and the numbers after it are lost in each other until −1e30 comes: only the last one stays.
+        let mut serial = SplatFilm::new(settings);
+        (0..50).for_each(|unit| serial.add(unit & 1, &splat(unit)));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(8).build().unwrap();
+        let mut parallel = SplatFilm::new(settings);
+        let mut units: Vec<usize> = (0..50).collect();
+        pool.install(|| {
+            run_units(&mut units, &mut parallel, |unit, splats| {
+                // The first take longest.
+                std::thread::sleep(Duration::from_micros(100 * (50 - *unit as u64)));
+                splats.push(splat(*unit));
+                *unit & 1
+            });
+        });
+        assert_eq!(diffuse(&serial).halves, diffuse(&parallel).halves);
+        assert!(diffuse(&serial).mean.iter().any(|&value| value != 0.0));
+    }
+}

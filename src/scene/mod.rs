@@ -73,6 +73,17 @@ impl FilmSettings {
         Vec2::new(place(left, columns, u.x), place(top, rows, u.y))
     }
 
+    /// Index of the pixel of the crop window, row by row, that holds a finite raster point; `None` outside of it.
+    pub fn crop_pixel(&self, raster: Vec2) -> Option<usize> {
+        let [left, top, columns, rows] = self.crop;
+        let place = |at: f32, start: u32, count: u32| {
+            let cell = f64::from(at).floor() - f64::from(start);
+            (0.0..f64::from(count)).contains(&cell).then_some(cell as usize)
+        };
+        let (x, y) = (place(raster.x, left, columns)?, place(raster.y, top, rows)?);
+        Some(y * columns as usize + x)
+    }
+
     /// How many pixels there are to render.
     pub fn crop_pixels(&self) -> u64 {
         u64::from(self.crop[2]) * u64::from(self.crop[3])
@@ -202,6 +213,18 @@ mod tests {
         let film = FilmSettings { width: 64, height: 48, crop: [10, 20, 16, 6] };
         assert_eq!(film.crop_pdf(), 32.0);
         assert_eq!(FilmSettings { crop: [0, 0, 64, 48], ..film }.crop_pdf(), 1.0);
+    }
+
+    #[test]
+    fn the_far_corner_of_a_crop_is_still_in_it() {
+        // As large as a film may be: rounding would carry the last point over the edge.
+        let film = FilmSettings { width: 65_536, height: 99, crop: [65_000, 90, 500, 9] };
+        let corner = film.crop_point(Vec2::splat(1.0f32.next_down()));
+        assert_eq!(film.crop_pixel(corner), Some(500 * 9 - 1));
+        assert_eq!(film.crop_pixel(film.crop_point(Vec2::ZERO)), Some(0));
+        assert_eq!(film.crop_pixel(Vec2::new(65_500.0, 95.0)), None);
+        assert_eq!(film.crop_pixel(Vec2::new(65_499.9, 99.0)), None);
+        assert_eq!(film.crop_pixels(), 4500);
     }
 
     #[test]

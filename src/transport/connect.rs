@@ -1,9 +1,9 @@
 //! Every way of joining a walk from an emitter with one from the lens.
 
-use super::mis::{Heuristic, nearest_other, others, weight};
+use super::mis::{Heuristic, nearest_other, others, others_before, weight};
 use super::path::{Event, Path};
 use super::vertex::{LightVertex, Vertex};
-use super::visibility::{connecting_ray, shadow_ray, transmittance};
+use super::visibility::{shadow_ray_from, transmittance};
 use super::walk::{Subpath, colour};
 use crate::emitter::LightPoint;
 use crate::geometry::Ray;
@@ -29,6 +29,13 @@ pub struct Contribution {
     pub specular: Rgb,
     /// Weight among the strategies that could have found the path.
     pub weight: f64,
+}
+
+impl Contribution {
+    /// Luminance, weighted.
+    pub fn luminance(&self) -> f64 {
+        f64::from((self.diffuse + self.specular).luminance()) * self.weight
+    }
 }
 
 /// Which ways of finding a path there are.
@@ -77,8 +84,10 @@ impl Edge {
         let distance2 = span.as_dvec3().length_squared();
         // Nearer than 1e-10 of the scene's radius, 1 / d² is noise (METHODS 14).
         let nearest = 1e-10 * f64::from(scene.emitters.target().radius);
-        (distance2 > nearest * nearest && distance2.is_finite())
-            .then(|| Self { direction: (span.as_dvec3() / distance2.sqrt()).as_vec3(), distance2 })
+        (distance2 > nearest * nearest && distance2.is_finite()).then(|| Self {
+            direction: (span.as_dvec3() * distance2.sqrt().recip()).as_vec3(),
+            distance2,
+        })
     }
 }
 
@@ -261,7 +270,7 @@ impl<'s> Pair<'_, 's> {
         let emitters = &self.scene.emitters;
         let step = &self.eye.steps[z];
         let surface = &step.surface;
-        if !surface.shading.bsdf.has_smooth() {
+        if !step.is_connectable {
             return None;
         }
         // Direction to the light; cos / d² there; the ray that must be free.
@@ -282,8 +291,10 @@ impl<'s> Pair<'_, 's> {
         }
         let wo = surface.shading.wo;
         let wi = surface.local(direction)?;
-        surface.local(step.previous)?;
         let scattered = surface.shading.bsdf.eval(wo, wi);
+        if scattered.is_black() {
+            return None;
+        }
         let emitted = colour(emitters.emitted(id, &point, -direction));
         let light = emitted * (geometry / self.light.nodes[0].pdf);
         let parts = self
@@ -292,11 +303,13 @@ impl<'s> Pair<'_, 's> {
         if is_dark(parts) {
             return None;
         }
+        let cosine = surface.at.normal.dot(direction);
+        let start = step.start(cosine);
         let ray = match point {
             LightPoint::Surface { position, .. } | LightPoint::Point { position } => {
-                shadow_ray(&surface.at, position)
+                shadow_ray_from(start, position)
             }
-            LightPoint::Infinite { .. } => surface.at.spawn(direction),
+            LightPoint::Infinite { .. } => Ray::new(start, direction),
         };
         let visible = f64::from(transmittance(self.scene, ray));
         if visible == 0.0 {
@@ -313,10 +326,8 @@ impl<'s> Pair<'_, 's> {
             ),
             match self.strategies {
                 Strategies::FromCamera => 0.0,
-                _ => self.eye_others(
-                    z + 2,
-                    [pdf_emission * surface.cosine(direction) / distance2, back],
-                ),
+                _ => self
+                    .eye_others(z + 2, [pdf_emission * f64::from(cosine.abs()) / distance2, back]),
             },
         );
         self.contribution(self.raster, [1, z + 2], parts.map(|part| part * visible), weight)
@@ -325,30 +336,37 @@ impl<'s> Pair<'_, 's> {
     /// s, t ≥ 2: the light's surface `y` and the eye's surface `z`.
     fn surfaces(&self, y: usize, z: usize) -> Option<Contribution> {
         let (from, to) = (&self.light.steps[y], &self.eye.steps[z]);
-        let (bsdf_y, bsdf_z) = (&from.surface.shading.bsdf, &to.surface.shading.bsdf);
-        if !bsdf_y.has_smooth() || !bsdf_z.has_smooth() {
+        if !from.is_connectable || !to.is_connectable {
             return None;
         }
+        let (bsdf_y, bsdf_z) = (&from.surface.shading.bsdf, &to.surface.shading.bsdf);
+        let (light_side, eye_side) = (from.surface.shading.wo, to.surface.shading.wo);
         let (at_y, at_z) = (&from.surface.at, &to.surface.at);
         let edge = Edge::between(self.scene, at_y.position, at_z.position)?;
         let to_eye = from.surface.local(edge.direction)?;
         let to_light = to.surface.local(-edge.direction)?;
-        let light_side = from.surface.local(from.previous)?;
-        let eye_side = to.surface.local(to.previous)?;
         let scattered_z = bsdf_z.eval(eye_side, to_light);
+        if scattered_z.is_black() {
+            return None;
+        }
         let scattered_y = bsdf_y.eval(to_eye, light_side);
+        if scattered_y.is_black() {
+            return None;
+        }
         let (cosine_y, cosine_z) =
-            (from.surface.cosine(edge.direction), to.surface.cosine(edge.direction));
+            (at_y.normal.dot(edge.direction), -at_z.normal.dot(edge.direction));
+        let ray = Ray::between(from.start(cosine_y), to.start(cosine_z));
+        let [cosine_y, cosine_z] = [cosine_y, cosine_z].map(|cosine| f64::from(cosine.abs()));
         let light = from.throughput
             * colour(scattered_y.diffuse + scattered_y.specular)
-            * (cosine_y / (from.surface.cosine(from.previous) * edge.distance2));
+            * (cosine_y / (self.light.nodes[y + 1].cosine * edge.distance2));
         let parts = self
             .eye
             .split(z, [colour(scattered_z.diffuse) * light, colour(scattered_z.specular) * light]);
         if is_dark(parts) {
             return None;
         }
-        let visible = f64::from(transmittance(self.scene, connecting_ray(at_y, at_z)));
+        let visible = f64::from(transmittance(self.scene, ray));
         if visible == 0.0 {
             return None;
         }
@@ -374,23 +392,27 @@ impl<'s> Pair<'_, 's> {
         let camera = &self.scene.camera;
         let step = &self.light.steps[y];
         let surface = &step.surface;
-        if !surface.shading.bsdf.has_smooth() {
+        if !step.is_connectable {
             return None;
         }
         let view = camera.view(surface.at.position, self.lens)?;
         let to_eye = surface.local(-view.direction)?;
-        let light_side = surface.local(step.previous)?;
+        let light_side = surface.shading.wo;
         let scattered = surface.shading.bsdf.eval(to_eye, light_side);
+        if scattered.is_black() {
+            return None;
+        }
         let distance2 = f64::from(view.distance).powi(2);
-        let cosine = surface.cosine(view.direction);
-        let raster_pdf = camera.raster_pdf(view.direction);
+        let cosine = -surface.at.normal.dot(view.direction);
+        let ray = Ray::between(step.start(cosine), view.start);
+        let cosine = f64::from(cosine.abs());
+        let raster_pdf = self.raster_pdf(view.direction);
         let light =
-            step.throughput * (cosine * raster_pdf / (surface.cosine(step.previous) * distance2));
+            step.throughput * (cosine * raster_pdf / (self.light.nodes[y + 1].cosine * distance2));
         let parts = [colour(scattered.diffuse) * light, colour(scattered.specular) * light];
         if is_dark(parts) {
             return None;
         }
-        let ray = Ray { t_max: 1.0, ..surface.at.spawn_to(view.start) };
         let visible = f64::from(transmittance(self.scene, ray));
         if visible == 0.0 {
             return None;
@@ -421,9 +443,10 @@ impl<'s> Pair<'_, 's> {
         let raster_pdf = self.raster_pdf(view.direction);
         let importance = camera.lens_pdf() * raster_pdf / camera.cosine(view.direction);
         let parts = crossing.throughput.map(|part| part * importance);
-        let mut nodes = self.light.nodes[..y + 2].to_vec();
-        nodes.push(crossing.node);
-        let weight = weight(others(&nodes, camera.lens_pdf(), raster_pdf, self.heuristic), 0.0);
+        let nodes = &self.light.nodes[..y + 2];
+        let light =
+            others_before(nodes, &crossing.node, camera.lens_pdf(), raster_pdf, self.heuristic);
+        let weight = weight(light, 0.0);
         self.contribution(view.raster, [y + 3, 0], parts, weight)
     }
 }

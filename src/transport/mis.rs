@@ -107,13 +107,27 @@ fn product(a: f64, b: f64) -> f64 {
 /// vertex before, per solid angle.
 #[inline]
 pub fn others(nodes: &[Node], pdf: f64, pdf_previous: f64, heuristic: Heuristic) -> f64 {
-    let last = nodes.len() - 1;
-    let factor = heuristic.raise(ratio(pdf, nodes[last].pdf));
-    if last == 0 {
-        return product(factor, f64::from(u8::from(nodes[0].is_hittable)));
+    match nodes {
+        [] => 0.0,
+        [nodes @ .., last] => others_before(nodes, last, pdf, pdf_previous, heuristic),
     }
-    let previous = last - 1;
-    let found = nodes[last].density_of(&nodes[previous], pdf_previous);
+}
+
+/// The same with the last vertex apart from those before.
+#[inline]
+pub fn others_before(
+    nodes: &[Node],
+    last: &Node,
+    pdf: f64,
+    pdf_previous: f64,
+    heuristic: Heuristic,
+) -> f64 {
+    let factor = heuristic.raise(ratio(pdf, last.pdf));
+    if nodes.is_empty() {
+        return product(factor, f64::from(u8::from(last.is_hittable)));
+    }
+    let previous = nodes.len() - 1;
+    let found = last.density_of(&nodes[previous], pdf_previous);
     let beyond = if previous == 0 { 0.0 } else { nodes[previous - 1].tail };
     let factor_previous = heuristic.raise(ratio(found, nodes[previous].chosen_pdf()));
     let connects = f64::from(u8::from(!nodes[previous].is_delta));

@@ -10,8 +10,12 @@ const SHADOW_MARGIN: f32 = 1e-4;
 
 /// A ray from a surface to `target`, of parameter 1 there, that ends just before it.
 pub fn shadow_ray(at: &Interaction, target: Vec3) -> Ray {
-    let ray = at.spawn_to(target);
-    Ray { t_max: 1.0 - SHADOW_MARGIN, ..ray }
+    shadow_ray_from(at.offset_towards(target - at.position), target)
+}
+
+/// The same from a point that is already moved off its surface.
+pub fn shadow_ray_from(start: Vec3, target: Vec3) -> Ray {
+    Ray { t_max: 1.0 - SHADOW_MARGIN, ..Ray::between(start, target) }
 }
 
 /// The part of light that masks leave of a shadow ray: 0 behind an opaque surface, 1 when nothing is in the way.
@@ -37,6 +41,6 @@ pub fn transmittance(scene: &Scene, mut ray: Ray) -> f32 {
 /// A ray from one surface to another, from just off the one to just off the other: nothing between them is missed, and
 /// neither is hit.
 pub fn connecting_ray(from: &Interaction, to: &Interaction) -> Ray {
-    let span = to.position - from.position;
-    Ray { t_max: 1.0, ..from.spawn_to(to.offset_towards(-span)) }
+    let end = to.offset_towards(from.position - to.position);
+    Ray { t_max: 1.0, ..from.spawn_to(end) }
 }

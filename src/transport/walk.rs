@@ -29,6 +29,18 @@ pub struct Step<'s> {
     /// Product of all weights up to here, this vertex's own scattering not included; of a walk from the eye without the first
     /// scattering, which [`Subpath::first`] keeps.
     pub throughput: DVec3,
+    /// Can it be connected? Not if it scatters only in delta lobes, or nothing of what comes from the vertex before.
+    pub is_connectable: bool,
+    /// Where rays leave it to the side of the geometric normal, and to the other.
+    pub starts: [Vec3; 2],
+}
+
+impl Step<'_> {
+    /// Where a ray leaves it whose direction has this cosine with the geometric normal.
+    #[inline]
+    pub fn start(&self, cosine: f32) -> Vec3 {
+        self.starts[usize::from(cosine < 0.0)]
+    }
 }
 
 /// Where a walk left the scene.
@@ -223,8 +235,15 @@ impl<'s> Walker<'s> {
             let u_bsdf = sampler.next_2d();
             let u_lobe = sampler.next_1d();
             let u_roulette = sampler.next_1d();
-            let is_open = surface.local(previous).is_some();
-            path.steps.push(Step { surface, previous, event: Event::Smooth, throughput });
+            let is_open = surface.shading.is_consistent(surface.shading.wo, previous);
+            path.steps.push(Step {
+                previous,
+                event: Event::Smooth,
+                throughput,
+                is_connectable: is_open && surface.shading.bsdf.has_smooth(),
+                starts: surface.at.both_offsets(),
+                surface,
+            });
             if !is_open || step + 1 == self.max_steps {
                 return;
             }
@@ -255,12 +274,14 @@ impl<'s> Walker<'s> {
                     None => return,
                 }
             }
+            let along_normal = surface.at.normal.dot(leaving.direction);
+            let start = path.steps[step as usize].start(along_normal);
             departure = Departure {
-                ray: surface.at.spawn(leaving.direction),
+                ray: Ray::new(start, leaving.direction),
                 pdf: leaving.pdf,
                 is_delta: leaving.event.is_delta(),
                 is_parallel: false,
-                cosine: surface.cosine(leaving.direction),
+                cosine: f64::from(along_normal.abs()),
                 origin: surface.at.position,
                 has_cosine: true,
             };

@@ -3,7 +3,7 @@
 use crate::support::mean::Mean;
 use crate::support::scenes::{render_finite, scene_around, settings};
 use crate::support::{LEVEL, sidak};
-use quietlight::integrator::{Integrator, Pssmlt, Strategy};
+use quietlight::integrator::{Bdpt, Integrator, PathTracing, PrimaryPaths, Pssmlt, Strategy};
 use quietlight::render::{Budget, RenderSettings, Rendered};
 use quietlight::scene::Scene;
 use quietlight_denoise::{Image, LayerKind};
@@ -40,12 +40,20 @@ pub(crate) fn room(lamp: &str) -> Scene {
 pub(crate) const LAMP: &str =
     r#"<emitter type="area"><rgb name="radiance" value="8 7 5"/></emitter>"#;
 
+/// Both kinds of samples that random numbers can stand for.
+fn kinds_of_paths() -> [PrimaryPaths; 2] {
+    [PrimaryPaths::Camera(PathTracing::default()), PrimaryPaths::Bidirectional(Bdpt::default())]
+}
+
+/// Settings with pools of `candidates` samples.
+fn chains_of(paths: PrimaryPaths, candidates: u32, samples: u32, seed: u64) -> RenderSettings {
+    let method = Pssmlt { paths, bootstrap_samples: candidates, ..Pssmlt::default() };
+    let integrator = Integrator::Pssmlt(method);
+    RenderSettings { integrator, ..settings(samples, seed, Strategy::Mis) }
+}
+
 fn chains(samples: u32, seed: u64) -> RenderSettings {
-    let method = Pssmlt { bootstrap_samples: 2000, ..Pssmlt::default() };
-    RenderSettings {
-        integrator: Integrator::Pssmlt(method),
-        ..settings(samples, seed, Strategy::Mis)
-    }
+    chains_of(kinds_of_paths()[0], 2000, samples, seed)
 }
 
 /// Sum over the channels of the mean of each block of `side` pixels.
@@ -109,10 +117,12 @@ const RADIANCE: [LayerKind; 3] = [LayerKind::Beauty, LayerKind::Diffuse, LayerKi
 #[test]
 fn primary_sample_space_has_the_mean_of_path_tracing_in_every_block() {
     let scene = room(LAMP);
-    let paths = replicate(&scene, RADIANCE, 4, 32, |seed| settings(64, seed, Strategy::Mis));
-    let primary = replicate(&scene, RADIANCE, 4, 40, |seed| chains(64, seed));
-    for ((kind, paths), primary) in RADIANCE.iter().zip(paths).zip(primary) {
-        assert_same(&primary, &paths, &format!("{kind:?}"));
+    let expected = replicate(&scene, RADIANCE, 4, 32, |seed| settings(64, seed, Strategy::Mis));
+    for paths in kinds_of_paths() {
+        let primary = replicate(&scene, RADIANCE, 4, 40, |seed| chains_of(paths, 2000, 64, seed));
+        for ((kind, expected), primary) in RADIANCE.iter().zip(&expected).zip(primary) {
+            assert_same(&primary, expected, &format!("{paths:?}, {kind:?}"));
+        }
     }
 }
 
@@ -121,11 +131,8 @@ fn few_candidates_and_short_chains_have_the_same_mean() {
     // 64 chains of a single mutation from two pools of 20 samples: nearly all of the picture is where chains start.
     let mut scene = room(LAMP);
     scene.film.crop = [8, 4, 8, 8];
-    let method = Pssmlt { bootstrap_samples: 40, ..Pssmlt::default() };
-    let [short] = replicate(&scene, [LayerKind::Beauty], 4, 4000, |seed| RenderSettings {
-        integrator: Integrator::Pssmlt(method),
-        budget: Budget::Samples(1),
-        ..chains(1, seed)
+    let [short] = replicate(&scene, [LayerKind::Beauty], 4, 4000, |seed| {
+        chains_of(kinds_of_paths()[0], 40, 1, seed)
     });
     let [paths] =
         replicate(&scene, [LayerKind::Beauty], 4, 32, |seed| settings(256, seed, Strategy::Mis));
@@ -141,9 +148,11 @@ fn on_threads(threads: usize, scene: &Scene, settings: &RenderSettings) -> Rende
 fn one_two_and_eight_threads_give_the_same_bits_of_chains() {
     let mut scene = room(LAMP);
     scene.film.crop = [3, 2, 11, 9];
-    let one = on_threads(1, &scene, &chains(900, 5));
-    for threads in [2, 8] {
-        let many = on_threads(threads, &scene, &chains(900, 5));
+    let cases = kinds_of_paths().into_iter().flat_map(|paths| [(paths, 2), (paths, 8)]);
+    for (paths, threads) in cases {
+        let settings = chains_of(paths, 2000, 300, 5);
+        let one = on_threads(1, &scene, &settings);
+        let many = on_threads(threads, &scene, &settings);
         assert_eq!((one.samples, &one.report), (many.samples, &many.report));
         for (kind, layer) in &one.layers.layers {
             let other = &many.layers.layers[kind];
@@ -158,10 +167,52 @@ fn one_two_and_eight_threads_give_the_same_bits_of_chains() {
 fn a_crop_window_has_the_brightness_of_its_part_of_the_film() {
     let mut scene = room(LAMP);
     scene.film.crop = [4, 4, 12, 8];
-    let [window] = replicate(&scene, [LayerKind::Beauty], 4, 32, |seed| chains(100, seed));
-    let [paths] =
+    let [expected] =
         replicate(&scene, [LayerKind::Beauty], 4, 32, |seed| settings(64, seed, Strategy::Mis));
-    assert_same(&window, &paths, "crop window");
+    for paths in kinds_of_paths() {
+        let [window] =
+            replicate(&scene, [LayerKind::Beauty], 4, 32, |seed| chains_of(paths, 2000, 100, seed));
+        assert_same(&window, &expected, &format!("crop window, {paths:?}"));
+    }
+}
+
+/// Mean luminance of a picture.
+fn brightness(image: &Image) -> f64 {
+    let pixels = (image.len() / 3) as f64;
+    [0.2126, 0.7152, 0.0722]
+        .iter()
+        .zip(image.outer_iter())
+        .map(|(weight, plane)| weight * plane.iter().map(|&value| f64::from(value)).sum::<f64>())
+        .sum::<f64>()
+        / pixels
+}
+
+#[test]
+fn each_half_is_as_bright_as_its_own_pool_says() {
+    // Every mutation records a luminance of 1: what a half has in all is its normalisation, and pools of their own make
+    // independent halves of it. The correlation of 64 pairs is N(0, 1/64).
+    let mut scene = room(LAMP);
+    scene.film.crop = [8, 4, 8, 8];
+    for paths in kinds_of_paths() {
+        let mut halves = Vec::new();
+        for seed in 0..64 {
+            let rendered = render_finite(&scene, &chains_of(paths, 200, 4, seed));
+            let layer = &rendered.layers.layers[&LayerKind::Beauty];
+            halves.push(layer.halves.as_ref().expect("halves").each_ref().map(brightness));
+            let facts = &rendered.report.facts;
+            let said = facts.iter().find(|(name, _)| name == "normalisation").expect("is told");
+            let b: f64 = said.1.split(' ').next().expect("a number").parse().expect("a number");
+            let found = brightness(&layer.mean);
+            assert!((found / b - 1.0).abs() < 1e-5, "{found} instead of {b}");
+        }
+        let mean = |half: usize| halves.iter().map(|h: &[f64; 2]| h[half]).sum::<f64>() / 64.0;
+        let means = [mean(0), mean(1)];
+        let moment = |i: usize, j: usize| -> f64 {
+            halves.iter().map(|h| (h[i] - means[i]) * (h[j] - means[j])).sum()
+        };
+        let correlation = moment(0, 1) / (moment(0, 0) * moment(1, 1)).sqrt();
+        assert!(correlation.abs() < 4.0 / 8.0, "{paths:?}: correlation {correlation}");
+    }
 }
 
 #[test]
@@ -184,13 +235,10 @@ fn the_variance_of_chains_is_that_of_other_seeds() {
     // Half of the squared difference of two renders has the variance as its mean, averaged over the pixels. Small pools, so
     // that the normalisation's error is a part that the halves must not share.
     let scene = room(LAMP);
-    let method = Pssmlt { bootstrap_samples: 200, ..Pssmlt::default() };
     let (mut claimed, mut actual) = (Mean::default(), Mean::default());
     for pair in 0..32 {
         let [a, b] = [2 * pair, 2 * pair + 1].map(|seed| {
-            let integrator = Integrator::Pssmlt(method);
-            let rendered =
-                render_finite(&scene, &RenderSettings { integrator, ..chains(32, seed) });
+            let rendered = render_finite(&scene, &chains_of(kinds_of_paths()[0], 200, 32, seed));
             rendered.layers.layers[&LayerKind::Beauty].clone()
         });
         let average = |image: &Image| f64::from(image.sum()) / image.len() as f64;

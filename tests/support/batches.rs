@@ -3,8 +3,9 @@
 use super::scenes::{render_finite, settings};
 use glam::Vec2;
 use quietlight::integrator::bdpt::{Bdpt, Workspace};
-use quietlight::integrator::{PathTracing, Strategy};
+use quietlight::integrator::{Integrator, PathTracing, Strategy};
 use quietlight::math::Rgb;
+use quietlight::render::RenderSettings;
 use quietlight::sampler::{IndependentSampler, Sampler};
 use quietlight::scene::Scene;
 use quietlight::transport::connect::Contribution;
@@ -116,16 +117,30 @@ pub(crate) fn bdpt_batches(
 
 /// Batches of path tracing: estimate 0.
 pub(crate) fn path_batches(scene: &Scene, batches: u32, samples: u32) -> Batches {
+    render_batches(scene, PathTracing::default().into(), batches, samples)
+}
+
+/// Batches of any method, each a whole render of its own: estimate 0.
+pub(crate) fn render_batches(
+    scene: &Scene,
+    integrator: Integrator,
+    batches: u32,
+    samples: u32,
+) -> Batches {
+    let [left, top, ..] = scene.film.crop;
     Batches::run(scene, batches, |batch, add| {
-        let mut settings = settings(samples, 1000 + u64::from(batch), Strategy::Mis);
-        settings.integrator = PathTracing::default().into();
+        let settings = RenderSettings {
+            integrator,
+            ..settings(samples, 1000 + u64::from(batch), Strategy::Mis)
+        };
         let rendered = render_finite(scene, &settings);
         let beauty = &rendered.layers.layers[&LayerKind::Beauty].mean;
         let (_, height, width) = beauty.dim();
         for y in 0..height {
             for x in 0..width {
                 let colour = Rgb::from([0, 1, 2].map(|channel| beauty[[channel, y, x]]));
-                add(0, Vec2::new(x as f32, y as f32), luminance(colour));
+                let raster = Vec2::new((left as usize + x) as f32, (top as usize + y) as f32);
+                add(0, raster, luminance(colour));
             }
         }
     })

@@ -1,0 +1,69 @@
+//! Which method a command asks for.
+
+use super::args::{self, ChainOptions, Render, Walks};
+use crate::integrator::{
+    Bdpt, Choice, CorrelatedVisibility, Erpt, Integrator, Mlt, Mutations, PathTracing,
+    PrimaryPaths, Pssmlt, Strategy,
+};
+use crate::scene::Scene;
+use crate::transport::connect::Strategies;
+
+/// The method asked for; `auto` looks at the scene.
+pub(super) fn of(arguments: &Render, scene: &Scene) -> Integrator {
+    let strategy = match arguments.strategy {
+        args::Strategy::Mis => Strategy::Mis,
+        args::Strategy::Light => Strategy::Light,
+        args::Strategy::Bsdf => Strategy::Bsdf,
+    };
+    let path_tracing = PathTracing { strategy, ..PathTracing::default() };
+    let options = &arguments.chains;
+    match arguments.integrator {
+        // A strategy of path tracing, or one of its samples, is asked of path tracing.
+        args::Integrator::Auto if strategy == Strategy::default() && arguments.replay.is_none() => {
+            Choice::of(scene).integrator
+        }
+        args::Integrator::Auto | args::Integrator::Path => path_tracing.into(),
+        args::Integrator::Bdpt => Integrator::Bdpt(Bdpt::default()),
+        args::Integrator::Pssmlt => Integrator::Pssmlt(Pssmlt {
+            paths: match options.walks {
+                Walks::Both => PrimaryPaths::Bidirectional(Bdpt::default()),
+                Walks::Camera => PrimaryPaths::Camera(path_tracing),
+            },
+            ..Pssmlt::default()
+        }),
+        args::Integrator::Mlt => Integrator::Mlt(Mlt {
+            mutations: mutations(options).unwrap_or_default(),
+            separate_direct: !options.chain_direct,
+            ..Mlt::default()
+        }),
+        args::Integrator::Erpt => Integrator::Erpt(erpt(options)),
+        args::Integrator::Visibility => Integrator::Visibility(CorrelatedVisibility::default()),
+    }
+}
+
+fn erpt(options: &ChainOptions) -> Erpt {
+    let usual = Erpt::default();
+    Erpt {
+        seeds: match options.walks {
+            Walks::Both => Strategies::ToLens,
+            Walks::Camera => Strategies::FromCamera,
+        },
+        mutations: mutations(options).unwrap_or(usual.mutations),
+        chain_length: options.chain_length,
+        separate_direct: !options.chain_direct,
+        consecutive_limit: options.consecutive_limit,
+        proposal_limit: options.proposal_limit,
+        ..usual
+    }
+}
+
+/// The mutations listed; `None` where none are.
+fn mutations(options: &ChainOptions) -> Option<Mutations> {
+    let has = |mutation| options.mutations.contains(&mutation);
+    (!options.mutations.is_empty()).then(|| Mutations {
+        bidirectional: has(args::Mutation::Bidirectional),
+        lens: has(args::Mutation::Lens),
+        caustic: has(args::Mutation::Caustic),
+        multi_chain: has(args::Mutation::MultiChain),
+    })
+}

@@ -1,0 +1,180 @@
+//! Which method a scene requires.
+
+use super::bdpt::{Bdpt, Workspace};
+use super::{Integrator, Mlt, PathTracing};
+use crate::sampler::{IndependentSampler, Sampler, Stream};
+use crate::scene::Scene;
+use crate::transport::connect::Strategies;
+use crate::transport::mis::Heuristic;
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// Pairs of walks that the choice rests on: about a tenth of a second of one thread.
+const PAIRS: u64 = 1 << 14;
+
+/// Pairs that a thread takes at a time; fixed, so that the sums have the same bits on any number of threads.
+const SHARE: u64 = 1 << 10;
+
+/// Cells along the longer side of the picture whose brightness noise is compared with.
+const CELLS: u32 = 16;
+
+/// What one sample of bidirectional path tracing costs, in samples of path tracing, and what Sobol points and the pixels' own
+/// samples leave of its advantage: see models and figures in the README of `scenes`.
+const COST_OF_PAIR: f64 = 4.0;
+
+/// Noise of a bidirectional sample from which on chains, which stay where light was found, are better.
+const CHAINS_FROM: f64 = 200.0;
+
+/// What some pairs of walks tell of a scene's light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightProbe {
+    /// Variance of one sample of path tracing, relative to the squared brightness around it.
+    pub noise_of_path: f64,
+    /// The same of bidirectional path tracing.
+    pub noise_of_bdpt: f64,
+    /// Part of the light that path tracing cannot find at all.
+    pub unseen: f64,
+}
+
+/// A method, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// The method.
+    pub integrator: Integrator,
+    /// What was found of the scene's light, and what follows from it, in words.
+    pub reason: String,
+}
+
+/// One path that a pair found.
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    cell: usize,
+    /// Its share of the picture's light.
+    value: f64,
+    /// What path tracing would have found in its place, seldom: the value over its density; infinite for never.
+    of_path: f64,
+}
+
+impl LightProbe {
+    /// Sends pairs of walks into the scene, on the threads of the current rayon pool.
+    ///
+    /// A path found with the contribution `C = w f / p` has in path tracing, which finds it with the density `q`, the second
+    /// moment `∫ f² / q`, of which `C · f / q` is an estimate: noise is told of light that path tracing itself would not have
+    /// met in so short a time.
+    pub fn of(scene: &Scene) -> Self {
+        let shares: Vec<Vec<Vec<Found>>> = (0..PAIRS / SHARE)
+            .into_par_iter()
+            .map(|share| {
+                let mut workspace = Workspace::default();
+                let pairs = share * SHARE..(share + 1) * SHARE;
+                pairs.map(|index| pair(scene, index, &mut workspace)).collect()
+            })
+            .collect();
+        let pairs: Vec<Vec<Found>> = shares.into_iter().flatten().collect();
+        let (mut brightness, mut counts) = (vec![0.0; cells(scene)], 0.0);
+        for found in pairs.iter().flatten() {
+            brightness[found.cell] += found.value;
+        }
+        let per_cell = PAIRS as f64 / brightness.len() as f64;
+        brightness.iter_mut().for_each(|sum| *sum /= per_cell);
+        // As in the relative L2, whose ε keeps darkness from deciding.
+        let scale = |cell: usize| 1.0 / (brightness[cell] * brightness[cell] + 0.01);
+        let (mut of_path, mut of_bdpt, mut unseen, mut all) = (0.0, 0.0, 0.0, 0.0);
+        for pair in &pairs {
+            counts += 1.0;
+            let mut sample = 0.0;
+            for found in pair {
+                all += found.value;
+                if found.of_path.is_finite() {
+                    of_path += found.value * found.of_path * scale(found.cell);
+                } else {
+                    unseen += found.value;
+                }
+                sample += found.value * scale(found.cell).sqrt();
+            }
+            of_bdpt += sample * sample;
+        }
+        Self {
+            noise_of_path: of_path / counts,
+            noise_of_bdpt: of_bdpt / counts,
+            unseen: if all > 0.0 { unseen / all } else { 0.0 },
+        }
+    }
+}
+
+fn grid(scene: &Scene) -> [u32; 2] {
+    let [_, _, columns, rows] = scene.film.crop;
+    let side = columns.max(rows).div_ceil(CELLS).max(1);
+    [columns.div_ceil(side), rows.div_ceil(side)]
+}
+
+fn cells(scene: &Scene) -> usize {
+    let [columns, rows] = grid(scene);
+    (columns * rows) as usize
+}
+
+/// What one pair of walks finds, of paths of two edges and more: what is seen directly is without noise for both.
+fn pair<'s>(scene: &'s Scene, index: u64, workspace: &mut Workspace<'s>) -> Vec<Found> {
+    let mut numbers = IndependentSampler::stream(0, Stream::Bootstrap, index);
+    let raster = scene.film.crop_point(numbers.next_2d());
+    let has_lens = scene.camera.aperture_radius() > 0.0;
+    let lens = if has_lens { numbers.next_2d() } else { Vec2::ZERO };
+    let bdpt = Bdpt { heuristic: Heuristic::Power, strategies: Strategies::ToLens };
+    let walks = bdpt.walk(scene, raster, lens, &mut numbers, workspace);
+    let mut found = Vec::new();
+    walks.connect(scene.limits.max_depth.unwrap_or(u32::MAX), &mut found);
+    let [left, top, columns, rows] = scene.film.crop;
+    let side = columns.max(rows).div_ceil(CELLS).max(1);
+    let cell = |raster: Vec2| {
+        let place = |at: f32, start: u32, count: u32| {
+            ((at as u32).clamp(start, start + count - 1) - start) / side
+        };
+        (place(raster.y, top, rows) * grid(scene)[0] + place(raster.x, left, columns)) as usize
+    };
+    found
+        .iter()
+        .filter(|one| one.s + one.t > 2 && one.luminance().is_finite())
+        .filter_map(|one| {
+            let path = walks.path(one.s, one.t)?;
+            // f / (q_0 + q_1), from f / q_0 and f / q_1.
+            let density: f64 = [0, 1].map(|s| (-path.ln_contribution(s)).exp()).iter().sum();
+            // What the walks survived of roulette; path tracing would have had to, as well.
+            let survival =
+                one.luminance() / one.weight * (-path.ln_contribution(one.s as usize)).exp();
+            let of_path = if density > 0.0 { survival / density } else { f64::INFINITY };
+            Some(Found { cell: cell(one.raster), value: one.luminance(), of_path })
+        })
+        .collect()
+}
+
+impl Choice {
+    /// The method for a scene, from what its light is like.
+    pub fn of(scene: &Scene) -> Self {
+        let probe = LightProbe::of(scene);
+        let LightProbe { noise_of_path, noise_of_bdpt, unseen } = probe;
+        let facts = format!(
+            "one sample has a relative variance of {noise_of_path:.3} by path tracing and {noise_of_bdpt:.3} by \
+             bidirectional path tracing, which costs {COST_OF_PAIR} times as much"
+        );
+        let hidden = if unseen > 0.001 {
+            format!(", and path tracing misses {:.1} % of the light", 100.0 * unseen)
+        } else {
+            String::new()
+        };
+        let is_unseen = unseen > 0.001;
+        let (integrator, verdict): (Integrator, _) = if noise_of_bdpt > CHAINS_FROM {
+            (
+                Integrator::Mlt(Mlt::default()),
+                "light is hard to find for both: chains stay where it is",
+            )
+        } else if is_unseen || noise_of_bdpt * COST_OF_PAIR < noise_of_path {
+            (
+                Integrator::Bdpt(Bdpt::default()),
+                "walks of light find what walks of the camera do not",
+            )
+        } else {
+            (PathTracing::default().into(), "walks from the camera find it")
+        };
+        Self { integrator, reason: format!("{verdict}: {facts}{hidden}") }
+    }
+}
