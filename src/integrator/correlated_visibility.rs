@@ -69,8 +69,6 @@ pub struct CorrelatedVisibility {
     pub steps: u32,
     /// The pixel mutation moves so many columns and rows at most.
     pub window: u32,
-    /// Fewest chains from one sample; below it each carries less energy. 0 leaves it to chance whether a dim sample has one.
-    pub min_chains: u32,
     /// Most chains from one sample; beyond it each carries more energy.
     pub max_chains: u32,
 }
@@ -82,12 +80,11 @@ impl Default for CorrelatedVisibility {
             candidates: 32,
             hits: 8,
             marks: MarkSource::Pilot,
-            pilot_hits: 4,
+            pilot_hits: 1,
             dilation: 2,
-            mutations: 4,
+            mutations: 16,
             steps: 1,
             window: 4,
-            min_chains: 1,
             max_chains: 4096,
         }
     }
@@ -103,8 +100,6 @@ pub struct VisibilityRendering<'a> {
     lights: Lights<'a>,
     /// Those of the pilot; of the last round where the samples themselves are marked.
     marks: Option<Marks>,
-    /// Unshadowed luminance of each pixel, as the pilot saw it.
-    brightness: Vec<f64>,
     sums: Vec<PixelSums>,
     hits: u32,
     rounds: u32,
@@ -120,7 +115,6 @@ enum Stream {
     PilotWalk,
     PilotGather,
     Chains,
-    Moves,
 }
 
 impl<'a> VisibilityRendering<'a> {
@@ -134,7 +128,6 @@ impl<'a> VisibilityRendering<'a> {
             half,
             lights: Lights::new(scene),
             marks: None,
-            brightness: Vec::new(),
             sums: vec![PixelSums::default(); columns as usize * rows as usize],
             hits: 0,
             rounds: 0,
@@ -176,7 +169,12 @@ impl<'a> VisibilityRendering<'a> {
     /// `hits` camera rays of each pixel, and the exchange between them.
     fn round(&mut self, hits: u32) {
         let size = self.size();
+        let is_exchanged = self.settings.mutations > 0;
         let (kept, marks) = match self.settings.marks {
+            _ if !is_exchanged => {
+                let none = Marks::new(size, 0, |_| false);
+                (none.clone(), Some(none))
+            }
             MarkSource::Pilot => {
                 let marks = self.marks.take().unwrap_or_else(|| self.pilot());
                 (marks.clone(), Some(marks))
@@ -206,9 +204,8 @@ impl<'a> VisibilityRendering<'a> {
             marks
         });
 
-        let is_exchanged = self.settings.mutations > 0;
         for (pixel, (sums, direct)) in self.sums.iter_mut().zip(&first_pass).enumerate() {
-            if is_exchanged && marks.slot(pixel).is_some() {
+            if marks.slot(pixel).is_some() {
                 let (unshadowed, seen) = (direct.unshadowed, direct.seen);
                 sums.merge(&PixelSums { unshadowed, seen, ..PixelSums::default() });
             } else {

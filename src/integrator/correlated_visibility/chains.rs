@@ -2,8 +2,7 @@
 
 use super::exchange::{Deposit, Exchange, Seed};
 use super::marks::Marks;
-use super::moves::Move;
-use super::{MarkSource, Stream, VisibilityRendering};
+use super::{Stream, VisibilityRendering};
 use crate::integrator::receiver::Receiver;
 use crate::sampler::Sampler;
 use rayon::prelude::*;
@@ -29,39 +28,24 @@ impl<'a> VisibilityRendering<'a> {
         }
         let chain_energy = moving * found / mutations * f64::from(steps);
         let u = self.chain_sampler(Stream::Chains, u32::MAX).next_1d();
-        let limits = [self.settings.min_chains, self.settings.max_chains.max(1)];
-        let batches = chains_of(seeds, moving, chain_energy, limits, f64::from(u));
-        let mut most = 0;
+        let most = f64::from(self.settings.max_chains.max(1));
+        let batches = chains_of(seeds, moving, chain_energy, most, f64::from(u));
         for batch in &batches {
             let chains = u64::from(batch.chains);
             self.ledger.chains += chains;
             self.ledger.mutations += chains * u64::from(steps);
             self.ledger.limited += u64::from(batch.energy > chain_energy);
             self.ledger.given += f64::from(batch.chains) * batch.energy;
-            most = most.max(batch.chains);
         }
-        let window = self.settings.window.max(1);
-        let moves: Vec<Vec<Move>> = (0..most)
-            .map(|chain| {
-                let mut sampler = self.chain_sampler(Stream::Moves, chain);
-                (0..steps).map(|_| Move::sample(window, hits, &mut sampler)).collect()
-            })
-            .collect();
         let pixels: Vec<u32> = marks.pixels().map(|pixel| pixel as u32).collect();
-        let brightness: Vec<f64> = match self.settings.marks {
-            MarkSource::Pilot => {
-                pixels.iter().map(|&pixel| self.brightness[pixel as usize]).collect()
-            }
-            MarkSource::Same => Vec::new(),
-        };
         let exchange = Exchange {
             scene: self.scene,
             lights: &self.lights,
             marks,
             pixels: &pixels,
             receivers,
-            brightness: &brightness,
             hits,
+            window: self.settings.window.max(1),
         };
         let (mut sums, mut deposited) = (std::mem::take(&mut self.sums), 0.0);
         let mut leave = |deposit: &Deposit| {
@@ -79,11 +63,11 @@ impl<'a> VisibilityRendering<'a> {
                     let mut deposits = Vec::new();
                     for batch in batches {
                         let energy = batch.energy / f64::from(steps);
-                        for (chain, moves) in (0..batch.chains).zip(&moves) {
+                        for chain in 0..batch.chains {
                             let number = batch.first.wrapping_add(chain);
                             let mut sampler = self.chain_sampler(Stream::Chains, number);
                             let seed = &seeds[batch.seed];
-                            exchange.run(seed, moves, energy, &mut sampler, &mut deposits);
+                            exchange.run(seed, steps, energy, &mut sampler, &mut deposits);
                         }
                     }
                     deposits
@@ -116,20 +100,14 @@ struct Batch {
 
 /// How many chains start from each sample: the share `moving` of its energy over `chain_energy`, rounded up or down so that
 /// the expectation over `u` in `[0, 1)` is exact. The rounding is systematic, one `u` for all samples, which spreads the chains
-/// as evenly as the energy (Cline et al. 2005 draw a number for each). Beyond the limits, the energy of a chain makes up for
-/// what their number lacks.
-fn chains_of(
-    seeds: &[Seed],
-    moving: f64,
-    chain_energy: f64,
-    [fewest, most]: [u32; 2],
-    u: f64,
-) -> Vec<Batch> {
+/// as evenly as the energy (Cline et al. 2005 draw a number for each). Beyond `most`, the energy of a chain makes up for what their
+/// number lacks.
+fn chains_of(seeds: &[Seed], moving: f64, chain_energy: f64, most: f64, u: f64) -> Vec<Batch> {
     let (mut sum, mut done, mut first) = (u, 0.0, 0u32);
     let mut batches = Vec::new();
     for (index, seed) in seeds.iter().enumerate() {
         let wanted = moving * seed.energy / chain_energy;
-        let limited = wanted.max(f64::from(fewest)).min(f64::from(most));
+        let limited = wanted.min(most);
         sum += limited;
         let chains = (sum.floor() - done) as u32;
         if chains > 0 {

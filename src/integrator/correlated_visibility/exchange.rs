@@ -34,10 +34,10 @@ pub(super) struct Exchange<'e, 'a> {
     pub(super) pixels: &'e [u32],
     /// `K` hits of each marked pixel; `None` where the camera ray met no receiver.
     pub(super) receivers: &'e [Option<Receiver<'a>>],
-    /// Unshadowed luminance of each marked pixel as the pilot saw it; empty without one.
-    pub(super) brightness: &'e [f64],
     /// `K`.
     pub(super) hits: u32,
+    /// Most columns and rows between a pixel and one that it exchanges energy with.
+    pub(super) window: u32,
 }
 
 /// A state of a chain.
@@ -97,24 +97,25 @@ impl Seed {
 const SAME_LIGHT: f32 = 1e-3;
 
 impl<'e, 'a> Exchange<'e, 'a> {
-    /// Runs a chain from `seed` that leaves `energy` at each of `moves`. Each step's energy is split between the state and the
-    /// proposal by the probability of accepting it.
+    /// Runs a chain of `steps` from `seed` that leaves `energy` at each of them. Each step's energy is split between the state
+    /// and the proposal by the probability of accepting it.
     pub(super) fn run<S: Sampler>(
         &self,
         seed: &Seed,
-        moves: &[Move],
+        steps: u32,
         energy: f64,
         sampler: &mut S,
         deposits: &mut Vec<Deposit>,
     ) {
         let Some(mut state) = self.start(seed) else {
             // Not one of the exchange's states: rounding at an emitter's edge, or an emitter with holes. It stays.
-            deposits.push(self.stay(seed, energy * moves.len() as f64));
+            deposits.push(self.stay(seed, energy * f64::from(steps)));
             return;
         };
         let mut resting = 0.0;
-        for next in moves {
-            let Some((proposal, acceptance)) = self.mutate(&state, next, sampler) else {
+        for _ in 0..steps {
+            let next = Move::sample(self.window, self.hits, sampler);
+            let Some((proposal, acceptance)) = self.mutate(&state, &next, sampler) else {
                 resting += energy;
                 continue;
             };
@@ -204,7 +205,7 @@ impl<'e, 'a> Exchange<'e, 'a> {
         let to = self.state(self.other_receiver(from, next)?, from.light)?;
         let own_measure =
             |state: &State| state.target * state.light.solid_angle(state.direction, state.distance);
-        Some((to, self.affinity(from, &to) * accept(own_measure(&to), own_measure(from))))
+        Some((to, accept(own_measure(&to), own_measure(from))))
     }
 
     fn mutate_direction<S: Sampler>(&self, from: &State, sampler: &mut S) -> Option<(State, f64)> {
@@ -232,17 +233,7 @@ impl<'e, 'a> Exchange<'e, 'a> {
         let forward = jump_pdf(carried, to.direction);
         let backward = jump_pdf(carried_back, from.direction);
         let acceptance = accept(to.target * backward, from.target * forward);
-        (forward > 0.0).then(|| (to, self.affinity(from, &to) * acceptance))
-    }
-
-    /// Further factor of the probability of moving between two pixels, the same both ways, which keeps the balance: the square
-    /// of the ratio of the darker to the brighter. A pixel with a highlight sends few samples of all its other light, each
-    /// with the energy of the highlight; a darker neighbour that gave its own samples away would be left with those.
-    fn affinity(&self, from: &State, to: &State) -> f64 {
-        let brightness = |state: &State| self.brightness.get((state.receiver / self.hits) as usize);
-        let (Some(&a), Some(&b)) = (brightness(from), brightness(to)) else { return 1.0 };
-        // Where the pilot found no light at all nothing is known.
-        if a.max(b) > 0.0 { (a.min(b) / a.max(b)).powi(2) } else { 1.0 }
+        (forward > 0.0).then(|| (to, acceptance))
     }
 
     fn mutate_independently<S: Sampler>(
@@ -282,5 +273,6 @@ impl<'e, 'a> Exchange<'e, 'a> {
 
 /// Are two distances to lights in the same direction those of one light? Infinite ones are.
 fn is_same(distance: f32, other: f32) -> bool {
-    distance == other || (distance - other).abs() <= SAME_LIGHT * other
+    // A lamp in front of the sky is not the sky, though all is within a part of infinity.
+    distance == other || (other.is_finite() && (distance - other).abs() <= SAME_LIGHT * other)
 }

@@ -25,7 +25,6 @@ impl<'a> VisibilityRendering<'a> {
             })
             .collect();
         self.ledger.pilot_rays += seen.iter().map(|look| look.rays).sum::<u64>();
-        self.brightness = seen.iter().map(|look| look.brightness).collect();
         Marks::new([columns, rows], self.settings.dilation, |pixel| seen[pixel].seen.is_partial())
     }
 
@@ -39,7 +38,6 @@ impl<'a> VisibilityRendering<'a> {
                 let gathered = self.gather(resampler, &receiver, &mut numbers, &mut found);
                 look.seen.visible += gathered.visible;
                 look.seen.of += gathered.chosen;
-                look.brightness += gathered.unshadowed;
                 look.rays += u64::from(gathered.shadow_rays);
                 ControlFlow::Break(())
             });
@@ -136,8 +134,6 @@ impl<'a> VisibilityRendering<'a> {
 #[derive(Clone, Copy, Debug, Default)]
 struct Look {
     seen: Seen,
-    /// Sum of unshadowed luminances.
-    brightness: f64,
     rays: u64,
 }
 

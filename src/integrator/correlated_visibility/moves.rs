@@ -24,9 +24,7 @@ pub(super) enum Mutation {
     Independence,
 }
 
-/// What a step of many chains has in common. Were the offset drawn for each chain, the number of chains that arrive at a
-/// pixel would be random, and its noise that of counting; so each pixel sends to one neighbour and receives from one. A
-/// single chain cannot tell the difference.
+/// A step of a chain, but for what depends on its state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub(super) kind: Mutation,
