@@ -39,13 +39,30 @@ fn blocks(width: usize, side: usize, pixels: &[f64]) -> Vec<f64> {
     means
 }
 
-/// Mean and spread of each block's luminance over many seeds.
-fn replicas(count: u64, picture: impl Fn(u64) -> Vec<f64>) -> Vec<Mean> {
-    let mut means = Vec::new();
+/// Three views of a picture's blocks: luminance of all light, its red channel, luminance of the diffuse layer. Energy is
+/// exchanged as luminance, so that wrong colours only show in a channel.
+type Views = [Vec<f64>; 3];
+
+/// The views of the mean light `[diffuse, specular]` of each pixel.
+fn views(width: usize, side: usize, pixels: impl Iterator<Item = [[f64; 3]; 2]>) -> Views {
+    let luminance = |c: [f64; 3]| (0..3).map(|i| f64::from(LUMINANCE[i]) * c[i]).sum::<f64>();
+    let mut views = Views::default();
+    for [diffuse, specular] in pixels {
+        views[0].push(luminance(diffuse) + luminance(specular));
+        views[1].push(diffuse[0] + specular[0]);
+        views[2].push(luminance(diffuse));
+    }
+    views.map(|view| blocks(width, side, &view))
+}
+
+/// Mean and spread of each block over many seeds.
+fn replicas(count: u64, picture: impl Fn(u64) -> Views) -> [Vec<Mean>; 3] {
+    let mut means = <[Vec<Mean>; 3]>::default();
     for seed in 0..count {
-        let blocks = picture(seed);
-        means.resize(blocks.len(), Mean::default());
-        means.iter_mut().zip(blocks).for_each(|(mean, block)| mean.add(block));
+        for (means, blocks) in means.iter_mut().zip(picture(seed)) {
+            means.resize(blocks.len(), Mean::default());
+            means.iter_mut().zip(blocks).for_each(|(mean, block)| mean.add(block));
+        }
     }
     means
 }
@@ -56,25 +73,24 @@ fn by_exchange(
     hits: u32,
     seed: u64,
     side: usize,
-) -> Vec<f64> {
+) -> Views {
     let half = rendered(scene, settings, 1000 + seed, hits);
-    let pixels: Vec<f64> =
-        half.sums().iter().map(|sums| luminance(sums) / f64::from(hits)).collect();
-    blocks(scene.film.crop[2] as usize, side, &pixels)
+    let pixels = half.sums().iter().map(|sums| {
+        [sums.diffuse, sums.specular].map(|part| part.map(|value| value / f64::from(hits)))
+    });
+    views(scene.film.crop[2] as usize, side, pixels)
 }
 
-fn by_path_tracing(scene: &Scene, samples: u32, seed: u64, side: usize) -> Vec<f64> {
+fn by_path_tracing(scene: &Scene, samples: u32, seed: u64, side: usize) -> Views {
     let rendered = render_finite(scene, &settings(samples, seed, Strategy::Mis));
-    let beauty = &rendered.layers.layers[&LayerKind::Beauty].mean;
-    let (_, height, width) = beauty.dim();
-    let pixels: Vec<f64> = (0..height * width)
-        .map(|i| {
-            (0..3)
-                .map(|c| f64::from(LUMINANCE[c]) * f64::from(beauty[[c, i / width, i % width]]))
-                .sum()
-        })
-        .collect();
-    blocks(width, side, &pixels)
+    let [diffuse, specular] =
+        [LayerKind::Diffuse, LayerKind::Specular].map(|kind| &rendered.layers.layers[&kind].mean);
+    let (_, height, width) = diffuse.dim();
+    let pixels = (0..height * width).map(|i| {
+        [diffuse, specular]
+            .map(|layer| [0, 1, 2].map(|c| f64::from(layer[[c, i / width, i % width]])))
+    });
+    views(width, side, pixels)
 }
 
 /// z of each block's difference.
@@ -96,18 +112,21 @@ fn mean_square(scores: &[f64]) -> f64 {
     scores.iter().map(|z| z * z).sum::<f64>() / scores.len() as f64
 }
 
-/// METHODS 12.1: block by block the same mean by Welch's test, and the mean of z² near 1.
-fn assert_same(what: &str, a: &[Mean], b: &[Mean]) {
-    let scores = scores(a, b);
-    let square = mean_square(&scores);
-    let largest = scores.iter().fold(0.0f64, |largest, z| largest.max(z.abs()));
-    // Blocks that share chains are correlated: METHODS has n / 4 for the effective number.
-    let bound = 1.0 + 4.0 * (2.0 * 4.0 / scores.len() as f64).sqrt();
-    assert!(square < bound, "{what}: mean z² {square:.2} of {scores:.1?}, bound {bound:.2}");
-    // Student's t of 63 and more degrees of freedom, the level shared by the blocks.
-    let t = StudentsT::new(0.0, 1.0, 63.0).expect("degrees are positive");
-    let limit = t.inverse_cdf(1.0 - 0.5 * sidak(LEVEL, scores.len()));
-    assert!(largest < limit, "{what}: |z| {largest:.2}, limit {limit:.2}, z {scores:.1?}");
+/// METHODS 12.1: block by block the same mean by Welch's test, and the mean of z² near 1, for each of the views.
+fn assert_same(what: &str, a: &[Vec<Mean>; 3], b: &[Vec<Mean>; 3]) {
+    for (view, (a, b)) in ["light", "red", "diffuse"].into_iter().zip(a.iter().zip(b)) {
+        let scores = scores(a, b);
+        let square = mean_square(&scores);
+        let largest = scores.iter().fold(0.0f64, |largest, z| largest.max(z.abs()));
+        // Blocks that share chains are correlated: METHODS has n / 4 for the effective number.
+        let bound = 1.0 + 4.0 * (2.0 * 4.0 / scores.len() as f64).sqrt();
+        let what = format!("{what}, {view}");
+        assert!(square < bound, "{what}: mean z² {square:.2} of {scores:.1?}, bound {bound:.2}");
+        // Student's t of 63 and more degrees of freedom, the level shared by the blocks.
+        let t = StudentsT::new(0.0, 1.0, 63.0).expect("degrees are positive");
+        let limit = t.inverse_cdf(1.0 - 0.5 * sidak(LEVEL, scores.len()));
+        assert!(largest < limit, "{what}: |z| {largest:.2}, limit {limit:.2}, z {scores:.1?}");
+    }
 }
 
 /// A slab and a ball over a floor, under a rectangle lamp and a sky, or one of them.
@@ -154,6 +173,7 @@ fn exchange_with_pilot_marks_has_the_mean_of_path_tracing() {
     same_as_path_tracing("lamps", &blockers(2, LAMPS), settings);
     same_as_path_tracing("sky", &blockers(2, SKY), settings);
     same_as_path_tracing("both", &blockers(2, &format!("{LAMPS}{SKY}")), settings);
+    same_as_path_tracing("penumbra", &penumbra(""), settings);
 }
 
 #[test]
@@ -174,7 +194,7 @@ fn chains_of_any_length_and_number_have_the_mean_of_path_tracing() {
     let traced = replicas(64, |seed| by_path_tracing(&scene, 32, seed, 2));
     for settings in [
         // Equal deposition as in METHODS 7.3: long chains, as many as the energy asks for.
-        CorrelatedVisibility { steps: 16, min_chains: 0, mutations: 16, ..default },
+        CorrelatedVisibility { steps: 16, mutations: 16, ..default },
         // Much energy in few chains, which makes up for their number.
         CorrelatedVisibility { mutations: 32, max_chains: 1, ..default },
         CorrelatedVisibility { candidates: 1, shadow_rays: 1, dilation: 0, hits: 3, ..default },
@@ -240,7 +260,7 @@ fn unoccluded_light_is_that_of_path_tracing_with_less_noise() {
     let resampled = replicas(64, |seed| by_exchange(&scene, settings, 4, seed, 1));
     let traced = replicas(64, |seed| by_path_tracing(&scene, 16, seed, 1));
     assert_same("unoccluded", &resampled, &traced);
-    let variance = |means: &[Mean]| means.iter().map(Mean::variance).sum::<f64>();
+    let variance = |means: &[Vec<Mean>; 3]| means[0].iter().map(Mean::variance).sum::<f64>();
     let (ours, theirs) = (variance(&resampled), variance(&traced));
     assert!(ours < theirs, "{ours:.2e} {theirs:.2e}");
 }
@@ -248,17 +268,19 @@ fn unoccluded_light_is_that_of_path_tracing_with_less_noise() {
 /// A floor 4 in front of the camera, a lamp 2 behind it, |x| < 0.2, and a half plane x < 0 that covers it from 1 behind the
 /// camera. From `x` on the floor the lamp's point `l` is seen over `x + (l - x) 5/6` on the half plane: light from all of
 /// the lamp arrives where `x > 1`, none where `x < -1`.
-fn penumbra() -> Scene {
+fn penumbra(more: &str) -> Scene {
     scene_around(
         24,
         60.0,
         2,
-        r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-4"/></transform>
+        &format!(
+            r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-4"/></transform>
             <bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>
         <shape type="rectangle"><transform name="to_world"><scale x="20" y="40"/><translate x="-20" z="1"/></transform>
             <bsdf type="twosided"><bsdf type="diffuse"/></bsdf></shape>
         <shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><scale x="0.2" y="1"/>
-            <translate z="2"/></transform><emitter type="area"><rgb name="radiance" value="20"/></emitter></shape>"#,
+            <translate z="2"/></transform><emitter type="area"><rgb name="radiance" value="20"/></emitter></shape>{more}"#
+        ),
     )
 }
 
@@ -270,7 +292,7 @@ fn column_range(column: usize) -> [f64; 2] {
 
 #[test]
 fn only_pixels_of_the_penumbra_are_marked_and_all_of_them_with_many_shadow_rays() {
-    let scene = penumbra();
+    let scene = penumbra("");
     let mut shares = Vec::new();
     for shadow_rays in [1, 2, 4, 16] {
         let settings = CorrelatedVisibility {
@@ -298,41 +320,68 @@ fn only_pixels_of_the_penumbra_are_marked_and_all_of_them_with_many_shadow_rays(
 }
 
 #[test]
-fn marks_of_the_same_samples_are_biased_the_less_the_more_shadow_rays() {
-    let scene = penumbra();
-    let columns = |settings: CorrelatedVisibility, seed: u64| {
-        let half = rendered(&scene, settings, seed, 1);
-        let mut columns = vec![0.0; 24];
-        for (pixel, sums) in half.sums().iter().enumerate() {
-            columns[pixel % 24] += luminance(sums) / 24.0;
+fn a_mirror_is_marked_for_what_is_seen_in_it() {
+    // The left half of the picture is a mirror on the floor. Seen in it are the half plane's lit side, of which all pixels see
+    // the whole lamp behind it or nothing of it, or nothing at all (METHODS 7.5: no smooth lobe, no mark).
+    let scene = penumbra(
+        r#"<shape type="rectangle"><transform name="to_world"><scale x="10" y="10"/><translate x="-9.9" z="-3.9"/></transform>
+        <bsdf type="conductor"/></shape>"#,
+    );
+    let settings =
+        CorrelatedVisibility { shadow_rays: 16, candidates: 64, dilation: 0, ..Default::default() };
+    let half = rendered(&scene, settings, 5, 1);
+    let marks = half.marks().expect("there was a pilot");
+    for pixel in 0..24 * 24 {
+        // Columns of the mirror's plane: its edge x = 0.1 at 3.9 is in column 12.
+        if pixel % 24 < 12 {
+            assert_eq!(marks.slot(pixel), None, "column {}", pixel % 24);
         }
-        columns
-    };
-    // Means of z² of 24 correlated columns, as in `assert_same`: what is above this is a difference.
-    let bound = 1.0 + 4.0 * (2.0 * 4.0 / 24.0f64).sqrt();
-    let mut results = Vec::new();
-    for shadow_rays in [2, 8] {
-        let settings = |marks| CorrelatedVisibility {
+    }
+    assert!(!marks.is_empty());
+}
+
+#[test]
+fn marks_of_the_same_samples_are_biased_the_less_the_more_shadow_rays() {
+    // In the penumbra, with a part v of the lamp visible, N samples mark a pixel with P = 1 - vᴺ - (1 - v)ᴺ, and what is seen
+    // from the dark side is seen from the lit side, too. So of two pixels v < w the darker one gives
+    // P(w) (v - vᴺ) and gets P(v) (w - wᴺ) v/w: the difference is v w (w - v) for N = 2, and positive for all N. Same marks
+    // move light from the dark side (columns 0 to 11) to the lit one; where mixing is complete, by v (1 - v) (2v - 1) of the
+    // full light for N = 2, 0.1 at most. The sum over the five columns of the penumbra is then near 0.3 of a lit pixel, a
+    // half or a third of that after a step or two, and less than half of it for N = 8.
+    let mut scene = penumbra("");
+    scene.film.crop = [5, 0, 14, 24];
+    let of = |shadow_rays: u32, marks, mutations, first: u64| -> Mean {
+        let settings = CorrelatedVisibility {
             shadow_rays,
             candidates: 8 * shadow_rays,
             dilation: 0,
             marks,
-            mutations: 16,
+            pilot_hits: 1,
+            mutations,
             ..Default::default()
         };
-        let of = |marks, first: u64| replicas(600, |seed| columns(settings(marks), first + seed));
-        let (pilot, same) = (of(MarkSource::Pilot, 1), of(MarkSource::Same, 2000));
-        let again = of(MarkSource::Pilot, 4000);
-        let peak = pilot.iter().map(Mean::mean).fold(0.0, f64::max);
-        let bias = pilot.iter().zip(&same).map(|(p, s)| (s.mean() - p.mean()).abs() / peak);
-        let bias = bias.fold(0.0, f64::max);
-        let square = mean_square(&scores(&same, &pilot));
-        let unbiased = mean_square(&scores(&again, &pilot));
-        assert!(unbiased < bound, "pilot: {unbiased:.2}");
-        results.push((bias, square));
+        let tilt = |seed| {
+            let half = rendered(&scene, settings, first + seed, 1);
+            let side = |pixel: usize| if pixel % 14 < 7 { -1.0 } else { 1.0 };
+            let pixels = half.sums().iter().enumerate();
+            pixels.map(|(pixel, sums)| side(pixel) * luminance(sums)).sum::<f64>()
+        };
+        (0..600).map(tilt).collect()
+    };
+    let mut biases = Vec::new();
+    for (shadow_rays, first) in [(2, 10_000), (8, 20_000)] {
+        let plain = of(shadow_rays, MarkSource::Pilot, 0, first);
+        let pilot = of(shadow_rays, MarkSource::Pilot, 8 * shadow_rays, first + 1000);
+        let same = of(shadow_rays, MarkSource::Same, 8 * shadow_rays, first + 2000);
+        let p = pilot.p_same_as(&plain);
+        assert!(p > sidak(LEVEL, 2), "pilot marks with {shadow_rays} shadow rays: p {p:.2e}");
+        let variance = same.variance_of_mean() + plain.variance_of_mean();
+        biases.push((same.mean() - plain.mean(), variance));
     }
-    assert!(results[0].1 > bound, "no bias seen: {results:.3?}");
-    assert!(results[1].0 < results[0].0, "{results:.3?}");
+    let [(two, two_variance), (eight, eight_variance)] = biases[..] else { unreachable!() };
+    // 3.72 of a normal number is its one-sided level of 10⁻⁴.
+    assert!(two > 3.72 * two_variance.sqrt(), "no bias seen: {biases:?}");
+    assert!(two - eight > 3.72 * (two_variance + eight_variance).sqrt(), "{biases:?}");
 }
 
 #[test]
@@ -342,7 +391,7 @@ fn what_chains_are_given_is_what_they_deposit() {
     let mut balance = Mean::default();
     for (seed, settings) in [
         default,
-        CorrelatedVisibility { steps: 16, min_chains: 0, mutations: 16, ..default },
+        CorrelatedVisibility { steps: 16, mutations: 16, ..default },
         CorrelatedVisibility { max_chains: 1, mutations: 100, ..default },
     ]
     .into_iter()

@@ -17,25 +17,24 @@
 //! the mean of path tracing. [`Same`](MarkSource::Same), the economical choice of the paper, is consistent but biased: partly lit
 //! pixels that stay unmarked are just those that happened to see all or nothing.
 
+mod chains;
 mod exchange;
+mod first_pass;
 mod light;
 pub mod marks;
+mod moves;
 pub mod sir;
+mod sums;
 #[cfg(test)]
 mod tests;
 
-use super::path_tracing::PathTracing;
-use super::receiver::Receiver;
-use crate::math::Rgb;
-use crate::sampler::{IndependentSampler, Sampler, SobolSampler, hash};
+use crate::sampler::{IndependentSampler, SobolSampler, hash};
 use crate::scene::Scene;
-use exchange::{Deposit, Exchange, Move, Seed};
-use glam::Vec2;
+use first_pass::{Row, keep_marked};
 use light::Lights;
-use marks::{Marks, Seen};
+use marks::Marks;
 use rayon::prelude::*;
-use sir::{Chosen, Gathered, Resampler};
-use std::ops::ControlFlow;
+pub use sums::{Ledger, PixelSums};
 
 /// Where it is read off which pixels exchange energy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -66,12 +65,11 @@ pub struct CorrelatedVisibility {
     pub dilation: u32,
     /// Mutations for each camera ray of a marked pixel, at one shadow ray each, on average; 0 leaves the first pass as it is.
     pub mutations: u32,
-    /// Mutations of one chain, `m ≥ 1`.
+    /// Mutations of one chain, `m ≥ 1`. Short chains from many samples have less noise than long ones from few: at 16 mutations,
+    /// chains of 4 had 1.2 to 1.3 times the squared error of chains of 1.
     pub steps: u32,
     /// The pixel mutation moves so many columns and rows at most.
     pub window: u32,
-    /// Fewest chains from one sample; below it each carries less energy. 0 leaves it to chance whether a dim sample has one.
-    pub min_chains: u32,
     /// Most chains from one sample; beyond it each carries more energy.
     pub max_chains: u32,
 }
@@ -83,70 +81,14 @@ impl Default for CorrelatedVisibility {
             candidates: 32,
             hits: 8,
             marks: MarkSource::Pilot,
-            pilot_hits: 4,
+            pilot_hits: 1,
             dilation: 2,
-            mutations: 4,
+            mutations: 16,
             steps: 1,
             window: 4,
-            min_chains: 1,
             max_chains: 4096,
         }
     }
-}
-
-/// Sums over the camera rays of one pixel.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PixelSums {
-    /// Radiance scattered by a diffuse lobe at the first hit.
-    pub diffuse: [f64; 3],
-    /// All other radiance.
-    pub specular: [f64; 3],
-    /// Luminance that the resampled emitters would send if nothing were in the way.
-    pub unshadowed: f64,
-    /// Shadow rays of the first pass.
-    pub seen: Seen,
-}
-
-impl PixelSums {
-    fn add(&mut self, diffuse: Rgb, specular: Rgb, scale: f64) {
-        for channel in 0..3 {
-            self.diffuse[channel] += f64::from(diffuse[channel]) * scale;
-            self.specular[channel] += f64::from(specular[channel]) * scale;
-        }
-    }
-
-    fn merge(&mut self, other: &Self) {
-        for channel in 0..3 {
-            self.diffuse[channel] += other.diffuse[channel];
-            self.specular[channel] += other.specular[channel];
-        }
-        self.unshadowed += other.unshadowed;
-        self.seen.visible += other.seen.visible;
-        self.seen.of += other.seen.of;
-    }
-}
-
-/// What the two passes did. Energies are luminances summed over marked pixels and camera rays.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Ledger {
-    /// Shadow rays of the pilot.
-    pub pilot_rays: u64,
-    /// Shadow rays of the first pass.
-    pub shadow_rays: u64,
-    /// Mutations; each traces one shadow ray at most.
-    pub mutations: u64,
-    /// Chains.
-    pub chains: u64,
-    /// Samples whose number of chains was limited.
-    pub limited: u64,
-    /// Energy that the first pass found in marked pixels.
-    pub found: f64,
-    /// Energy that chains were given: on average over their random numbers, what was found.
-    pub given: f64,
-    /// Energy that chains left in pixels: exactly what they were given.
-    pub deposited: f64,
-    /// Non-finite samples and candidates, dropped.
-    pub invalid: u64,
 }
 
 /// A half of a picture that can go on: camera rays are taken in their order. Two halves of one seed are independent.
@@ -159,8 +101,6 @@ pub struct VisibilityRendering<'a> {
     lights: Lights<'a>,
     /// Those of the pilot; of the last round where the samples themselves are marked.
     marks: Option<Marks>,
-    /// Unshadowed luminance of each pixel, as the pilot saw it.
-    brightness: Vec<f64>,
     sums: Vec<PixelSums>,
     hits: u32,
     rounds: u32,
@@ -176,7 +116,6 @@ enum Stream {
     PilotWalk,
     PilotGather,
     Chains,
-    Moves,
 }
 
 impl<'a> VisibilityRendering<'a> {
@@ -190,7 +129,6 @@ impl<'a> VisibilityRendering<'a> {
             half,
             lights: Lights::new(scene),
             marks: None,
-            brightness: Vec::new(),
             sums: vec![PixelSums::default(); columns as usize * rows as usize],
             hits: 0,
             rounds: 0,
@@ -208,7 +146,7 @@ impl<'a> VisibilityRendering<'a> {
         &self.sums
     }
 
-    /// The pixels that exchange energy; `None` before the first camera ray.
+    /// The pixels that exchange energy, none without mutations; `None` before the first camera ray.
     pub fn marks(&self) -> Option<&Marks> {
         self.marks.as_ref()
     }
@@ -232,7 +170,12 @@ impl<'a> VisibilityRendering<'a> {
     /// `hits` camera rays of each pixel, and the exchange between them.
     fn round(&mut self, hits: u32) {
         let size = self.size();
+        let is_exchanged = self.settings.mutations > 0;
         let (kept, marks) = match self.settings.marks {
+            _ if !is_exchanged => {
+                let none = Marks::new(size, 0, |_| false);
+                (none.clone(), Some(none))
+            }
             MarkSource::Pilot => {
                 let marks = self.marks.take().unwrap_or_else(|| self.pilot());
                 (marks.clone(), Some(marks))
@@ -262,9 +205,8 @@ impl<'a> VisibilityRendering<'a> {
             marks
         });
 
-        let is_exchanged = self.settings.mutations > 0;
         for (pixel, (sums, direct)) in self.sums.iter_mut().zip(&first_pass).enumerate() {
-            if is_exchanged && marks.slot(pixel).is_some() {
+            if marks.slot(pixel).is_some() {
                 let (unshadowed, seen) = (direct.unshadowed, direct.seen);
                 sums.merge(&PixelSums { unshadowed, seen, ..PixelSums::default() });
             } else {
@@ -298,213 +240,6 @@ impl<'a> VisibilityRendering<'a> {
         (x0..x0 + columns).map(move |x| [x, y0 + row])
     }
 
-    /// Marks by samples that serve nothing else.
-    fn pilot(&mut self) -> Marks {
-        let [columns, rows] = self.size();
-        let this = &*self;
-        let seen: Vec<Look> = (0..rows)
-            .into_par_iter()
-            .flat_map_iter(|row| {
-                let mut resampler = Resampler::default();
-                this.film_pixels(row).map(move |pixel| this.look(pixel, &mut resampler))
-            })
-            .collect();
-        self.ledger.pilot_rays += seen.iter().map(|look| look.rays).sum::<u64>();
-        self.brightness = seen.iter().map(|look| look.brightness).collect();
-        Marks::new([columns, rows], self.settings.dilation, |pixel| seen[pixel].seen.is_partial())
-    }
-
-    /// What the pilot sees at one pixel.
-    fn look(&self, pixel: [u32; 2], resampler: &mut Resampler) -> Look {
-        let (mut look, mut found) = (Look::default(), Vec::new());
-        for ray in 0..self.settings.pilot_hits {
-            let mut numbers = self.sampler(Stream::PilotGather, pixel, ray);
-            let mut walk = self.sampler(Stream::PilotWalk, pixel, ray);
-            self.trace(pixel, &mut walk, |receiver| {
-                let gathered = self.gather(resampler, &receiver, &mut numbers, &mut found);
-                look.seen.visible += gathered.visible;
-                look.seen.of += gathered.chosen;
-                look.brightness += gathered.unshadowed;
-                look.rays += u64::from(gathered.shadow_rays);
-                ControlFlow::Break(())
-            });
-        }
-        look
-    }
-
-    /// The camera ray with these numbers, followed without direct light.
-    fn trace(
-        &self,
-        [x, y]: [u32; 2],
-        sampler: &mut SobolSampler,
-        receive: impl FnMut(Receiver<'a>) -> ControlFlow<()>,
-    ) -> (Rgb, Rgb) {
-        let raster = Vec2::new(x as f32, y as f32) + sampler.next_2d();
-        let camera = &self.scene.camera;
-        let lens = if camera.aperture_radius() > 0.0 { sampler.next_2d() } else { Vec2::ZERO };
-        let ray = camera.ray(raster, lens);
-        let sample = PathTracing::default().trace_without_direct(self.scene, ray, sampler, receive);
-        (sample.diffuse, sample.specular)
-    }
-
-    fn gather(
-        &self,
-        resampler: &mut Resampler,
-        receiver: &Receiver<'_>,
-        sampler: &mut SobolSampler,
-        found: &mut Vec<Chosen>,
-    ) -> Gathered {
-        let counts = [self.settings.candidates.max(1), self.settings.shadow_rays.max(1)];
-        resampler.gather(self.scene, &self.lights, receiver, counts, sampler, found)
-    }
-
-    /// The first pass over one row: `hits` camera rays of each pixel, kept where the pixel is in `kept`.
-    fn gather_row(&self, row: u32, hits: u32, kept: &Marks) -> Row<'a> {
-        let columns = self.size()[0] as usize;
-        let mut gathered = Row::default();
-        let (mut resampler, mut found) = (Resampler::default(), Vec::new());
-        for (column, pixel) in self.film_pixels(row).enumerate() {
-            let slot = kept.slot(row as usize * columns + column);
-            let (mut other, mut direct) = (PixelSums::default(), PixelSums::default());
-            for hit in 0..hits {
-                let ray = self.hits + hit;
-                let mut numbers = self.sampler(Stream::Gather, pixel, ray);
-                let mut received = None;
-                let (diffuse, specular) =
-                    self.trace(pixel, &mut self.sampler(Stream::Walk, pixel, ray), |receiver| {
-                        received = Some(receiver);
-                        ControlFlow::Continue(())
-                    });
-                gathered.add(&mut other, diffuse, specular);
-                if let Some(receiver) = &received {
-                    found.clear();
-                    let result = self.gather(&mut resampler, receiver, &mut numbers, &mut found);
-                    direct.unshadowed += result.unshadowed;
-                    direct.seen.visible += result.visible;
-                    direct.seen.of += result.chosen;
-                    gathered.shadow_rays += u64::from(result.shadow_rays);
-                    gathered.invalid += u64::from(result.invalid);
-                    for chosen in &found {
-                        if !gathered.add(&mut direct, chosen.diffuse, chosen.specular) {
-                            continue;
-                        }
-                        if let Some(slot) = slot {
-                            gathered.seeds.push(Seed::new(slot as u32 * hits + hit, chosen));
-                        }
-                    }
-                    for light in self.scene.emitters.delta_samples(receiver.at.position) {
-                        let scattering = receiver.scatter(light.direction);
-                        if (scattering.diffuse + scattering.specular).is_black() {
-                            continue;
-                        }
-                        gathered.shadow_rays += 1;
-                        let visibility =
-                            receiver.visibility(self.scene, light.direction, light.distance);
-                        let radiance = light.radiance * visibility;
-                        let [diffuse, specular] =
-                            [scattering.diffuse, scattering.specular].map(|part| part * radiance);
-                        gathered.add(&mut other, diffuse, specular);
-                    }
-                }
-                if slot.is_some() {
-                    gathered.receivers.push(received);
-                }
-            }
-            gathered.other.push(other);
-            gathered.direct.push(direct);
-        }
-        gathered
-    }
-
-    /// The second pass: chains from the seeds, in their order.
-    fn exchange(
-        &mut self,
-        marks: &Marks,
-        hits: u32,
-        receivers: &[Option<Receiver<'a>>],
-        seeds: &[Seed],
-    ) {
-        let found: f64 = seeds.iter().map(|seed| seed.energy).sum();
-        let steps = self.settings.steps.max(1);
-        let mutations = f64::from(self.settings.mutations) * f64::from(hits) * marks.len() as f64;
-        // A constant share of every sample's energy stays, as if its own shadow ray were one of the mutations.
-        let rays = self.settings.shadow_rays.max(1);
-        let moving = f64::from(self.settings.mutations) / f64::from(self.settings.mutations + rays);
-        self.ledger.found += moving * found;
-        if found <= 0.0 {
-            return;
-        }
-        let chain_energy = moving * found / mutations * f64::from(steps);
-        let u = self.chain_sampler(Stream::Chains, u32::MAX).next_1d();
-        let limits = [self.settings.min_chains, self.settings.max_chains.max(1)];
-        let batches = chains_of(seeds, moving, chain_energy, limits, f64::from(u));
-        let mut most = 0;
-        for batch in &batches {
-            let chains = u64::from(batch.chains);
-            self.ledger.chains += chains;
-            self.ledger.mutations += chains * u64::from(steps);
-            self.ledger.limited += u64::from(batch.energy > chain_energy);
-            self.ledger.given += f64::from(batch.chains) * batch.energy;
-            most = most.max(batch.chains);
-        }
-        let window = self.settings.window.max(1);
-        let moves: Vec<Vec<Move>> = (0..most)
-            .map(|chain| {
-                let mut sampler = self.chain_sampler(Stream::Moves, chain);
-                (0..steps).map(|_| Move::sample(window, hits, &mut sampler)).collect()
-            })
-            .collect();
-        let pixels: Vec<u32> = marks.pixels().map(|pixel| pixel as u32).collect();
-        let brightness: Vec<f64> = match self.settings.marks {
-            MarkSource::Pilot => {
-                pixels.iter().map(|&pixel| self.brightness[pixel as usize]).collect()
-            }
-            MarkSource::Same => Vec::new(),
-        };
-        let exchange = Exchange {
-            scene: self.scene,
-            lights: &self.lights,
-            marks,
-            pixels: &pixels,
-            receivers,
-            brightness: &brightness,
-            hits,
-        };
-        let (mut sums, mut deposited) = (std::mem::take(&mut self.sums), 0.0);
-        let mut leave = |deposit: &Deposit| {
-            let Deposit { slot, energy, diffuse, specular } = *deposit;
-            sums[pixels[slot as usize] as usize].add(diffuse, specular, energy);
-        };
-        for seed in seeds {
-            leave(&exchange.stay(seed, (1.0 - moving) * seed.energy));
-        }
-        // Chains run in waves, so that what they leave is added up in their order and yet need not all be kept at once.
-        for wave in batches.chunks(WAVE) {
-            let deposits: Vec<Vec<Deposit>> = wave
-                .par_chunks(64)
-                .map(|batches| {
-                    let mut deposits = Vec::new();
-                    for batch in batches {
-                        let energy = batch.energy / f64::from(steps);
-                        for (chain, moves) in (0..batch.chains).zip(&moves) {
-                            let number = batch.first.wrapping_add(chain);
-                            let mut sampler = self.chain_sampler(Stream::Chains, number);
-                            let seed = &seeds[batch.seed];
-                            exchange.run(seed, moves, energy, &mut sampler, &mut deposits);
-                        }
-                    }
-                    deposits
-                })
-                .collect();
-            for deposit in deposits.iter().flatten() {
-                deposited += deposit.energy;
-                leave(deposit);
-            }
-        }
-        self.sums = sums;
-        self.ledger.deposited += deposited;
-    }
-
     fn stream(&self, stream: Stream) -> u64 {
         hash::key(self.seed, stream as u32, 0)
     }
@@ -513,105 +248,4 @@ impl<'a> VisibilityRendering<'a> {
     fn chain_sampler(&self, stream: Stream, chain: u32) -> IndependentSampler {
         IndependentSampler::new(self.stream(stream), chain, 2 * self.rounds + self.half)
     }
-}
-
-/// Samples whose chains run before their deposits are added up: some ten megabytes of deposits.
-const WAVE: usize = 1 << 13;
-
-/// What the pilot found at one pixel.
-#[derive(Clone, Copy, Debug, Default)]
-struct Look {
-    seen: Seen,
-    /// Sum of unshadowed luminances.
-    brightness: f64,
-    rays: u64,
-}
-
-/// What the first pass found in one row of pixels.
-#[derive(Default)]
-struct Row<'a> {
-    /// Light that is not resampled.
-    other: Vec<PixelSums>,
-    /// Light that is.
-    direct: Vec<PixelSums>,
-    /// Of the pixels that are kept.
-    receivers: Vec<Option<Receiver<'a>>>,
-    seeds: Vec<Seed>,
-    shadow_rays: u64,
-    invalid: u64,
-}
-
-impl Row<'_> {
-    /// Adds light to a pixel if it is finite, else counts it.
-    fn add(&mut self, sums: &mut PixelSums, diffuse: Rgb, specular: Rgb) -> bool {
-        let is_finite = (diffuse + specular).is_finite();
-        if is_finite {
-            sums.add(diffuse, specular, 1.0);
-        } else {
-            self.invalid += 1;
-        }
-        is_finite
-    }
-}
-
-/// Leaves only what belongs to marked pixels of what was kept of all pixels.
-fn keep_marked(
-    marks: &Marks,
-    hits: u32,
-    receivers: &mut Vec<Option<Receiver<'_>>>,
-    seeds: &mut Vec<Seed>,
-) {
-    let slot = |receiver: u32| marks.slot((receiver / hits) as usize);
-    let mut index = 0;
-    receivers.retain(|_| {
-        index += 1;
-        slot(index - 1).is_some()
-    });
-    seeds.retain_mut(|seed| match slot(seed.receiver) {
-        Some(slot) => {
-            seed.receiver = slot as u32 * hits + seed.receiver % hits;
-            true
-        }
-        None => false,
-    });
-}
-
-/// Chains that start from one sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Batch {
-    /// Which sample.
-    seed: usize,
-    /// Number of the first chain among all, modulo 2³².
-    first: u32,
-    chains: u32,
-    /// What each chain leaves, over all its steps.
-    energy: f64,
-}
-
-/// How many chains start from each sample: the share `moving` of its energy over `chain_energy`, rounded up or down so that
-/// the expectation over `u` in `[0, 1)` is exact. The rounding is systematic, one `u` for all samples, which spreads the chains
-/// as evenly as the energy (Cline et al. 2005 draw a number for each). Beyond the limits, the energy of a chain makes up for
-/// what their number lacks.
-fn chains_of(
-    seeds: &[Seed],
-    moving: f64,
-    chain_energy: f64,
-    [fewest, most]: [u32; 2],
-    u: f64,
-) -> Vec<Batch> {
-    let (mut sum, mut done, mut first) = (u, 0.0, 0u32);
-    let mut batches = Vec::new();
-    for (index, seed) in seeds.iter().enumerate() {
-        let wanted = moving * seed.energy / chain_energy;
-        let limited = wanted.max(f64::from(fewest)).min(f64::from(most));
-        sum += limited;
-        let chains = (sum.floor() - done) as u32;
-        if chains > 0 {
-            let energy = chain_energy * (wanted / limited);
-            batches.push(Batch { seed: index, first, chains, energy });
-            done = sum.floor();
-            first = first.wrapping_add(chains);
-        }
-    }
-    batches
 }

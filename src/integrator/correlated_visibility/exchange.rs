@@ -17,23 +17,13 @@
 
 use super::light::{Light, Lights};
 use super::marks::Marks;
+use super::moves::{Move, Mutation, accept, jump, jump_pdf};
 use super::sir::Chosen;
 use crate::integrator::receiver::Receiver;
-use crate::math::{Frame, Rgb};
+use crate::math::Rgb;
 use crate::sampler::Sampler;
 use crate::scene::Scene;
-use glam::{Vec2, Vec3};
-use std::f64::consts::TAU;
-
-/// Smallest jump of a direction, radians: a twentieth of a degree.
-const SMALLEST_JUMP: f64 = 8.727e-4;
-
-/// Largest jump, radians: five degrees, about the width of a lamp or a window; wider ones are for independent proposals.
-const LARGEST_JUMP: f64 = 0.087_27;
-
-/// Cumulative probabilities of the pixel, direction and both mutations; the rest are independent. Only the first and the third
-/// take luminance from pixel to pixel, so in short chains the others do little but mix colours.
-const MUTATIONS: [f32; 3] = [0.7, 0.8, 0.95];
+use glam::Vec3;
 
 /// Everything that a mutation needs to know.
 pub(super) struct Exchange<'e, 'a> {
@@ -44,10 +34,10 @@ pub(super) struct Exchange<'e, 'a> {
     pub(super) pixels: &'e [u32],
     /// `K` hits of each marked pixel; `None` where the camera ray met no receiver.
     pub(super) receivers: &'e [Option<Receiver<'a>>],
-    /// Unshadowed luminance of each marked pixel as the pilot saw it; empty without one.
-    pub(super) brightness: &'e [f64],
     /// `K`.
     pub(super) hits: u32,
+    /// Most columns and rows between a pixel and one that it exchanges energy with.
+    pub(super) window: u32,
 }
 
 /// A state of a chain.
@@ -107,24 +97,25 @@ impl Seed {
 const SAME_LIGHT: f32 = 1e-3;
 
 impl<'e, 'a> Exchange<'e, 'a> {
-    /// Runs a chain from `seed` that leaves `energy` at each of `moves`. Each step's energy is split between the state and the
-    /// proposal by the probability of accepting it.
+    /// Runs a chain of `steps` from `seed` that leaves `energy` at each of them. Each step's energy is split between the state
+    /// and the proposal by the probability of accepting it.
     pub(super) fn run<S: Sampler>(
         &self,
         seed: &Seed,
-        moves: &[Move],
+        steps: u32,
         energy: f64,
         sampler: &mut S,
         deposits: &mut Vec<Deposit>,
     ) {
         let Some(mut state) = self.start(seed) else {
             // Not one of the exchange's states: rounding at an emitter's edge, or an emitter with holes. It stays.
-            deposits.push(self.stay(seed, energy * moves.len() as f64));
+            deposits.push(self.stay(seed, energy * f64::from(steps)));
             return;
         };
         let mut resting = 0.0;
-        for next in moves {
-            let Some((proposal, acceptance)) = self.mutate(&state, next, sampler) else {
+        for _ in 0..steps {
+            let next = Move::sample(self.window, self.hits, sampler);
+            let Some((proposal, acceptance)) = self.mutate(&state, &next, sampler) else {
                 resting += energy;
                 continue;
             };
@@ -214,7 +205,7 @@ impl<'e, 'a> Exchange<'e, 'a> {
         let to = self.state(self.other_receiver(from, next)?, from.light)?;
         let own_measure =
             |state: &State| state.target * state.light.solid_angle(state.direction, state.distance);
-        Some((to, self.affinity(from, &to) * accept(own_measure(&to), own_measure(from))))
+        Some((to, accept(own_measure(&to), own_measure(from))))
     }
 
     fn mutate_direction<S: Sampler>(&self, from: &State, sampler: &mut S) -> Option<(State, f64)> {
@@ -242,17 +233,7 @@ impl<'e, 'a> Exchange<'e, 'a> {
         let forward = jump_pdf(carried, to.direction);
         let backward = jump_pdf(carried_back, from.direction);
         let acceptance = accept(to.target * backward, from.target * forward);
-        (forward > 0.0).then(|| (to, self.affinity(from, &to) * acceptance))
-    }
-
-    /// Further factor of the probability of moving between two pixels, the same both ways, which keeps the balance: the square
-    /// of the ratio of the darker to the brighter. A pixel with a highlight sends few samples of all its other light, each
-    /// with the energy of the highlight; a darker neighbour that gave its own samples away would be left with those.
-    fn affinity(&self, from: &State, to: &State) -> f64 {
-        let brightness = |state: &State| self.brightness.get((state.receiver / self.hits) as usize);
-        let (Some(&a), Some(&b)) = (brightness(from), brightness(to)) else { return 1.0 };
-        // Where the pilot found no light at all nothing is known.
-        if a.max(b) > 0.0 { (a.min(b) / a.max(b)).powi(2) } else { 1.0 }
+        (forward > 0.0).then(|| (to, acceptance))
     }
 
     fn mutate_independently<S: Sampler>(
@@ -290,83 +271,8 @@ impl<'e, 'a> Exchange<'e, 'a> {
     }
 }
 
-/// Which part of a state is changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Mutation {
-    Pixel,
-    Direction,
-    Both,
-    Independence,
-}
-
-/// What a step of many chains has in common. Were the offset drawn for each chain, the number of chains that arrive at a
-/// pixel would be random, and its noise that of counting; so each pixel sends to one neighbour and receives from one. A
-/// single chain cannot tell the difference.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Move {
-    pub(super) kind: Mutation,
-    /// Columns and rows to another pixel, in a square window without its middle.
-    pub(super) offset: [i32; 2],
-    /// Added to the number of the hit, modulo the number of hits.
-    pub(super) hit: u32,
-}
-
-impl Move {
-    /// A move of at most `window` columns and rows, among `hits` hits.
-    pub(super) fn sample<S: Sampler>(window: u32, hits: u32, sampler: &mut S) -> Self {
-        let choice = sampler.next_1d();
-        let [pixel, direction, both] = MUTATIONS;
-        let kind = if choice < pixel {
-            Mutation::Pixel
-        } else if choice < direction {
-            Mutation::Direction
-        } else if choice < both {
-            Mutation::Both
-        } else {
-            Mutation::Independence
-        };
-        let side = 2 * window + 1;
-        let place = index_below(side * side - 1, sampler.next_1d());
-        let place = if place >= side * side / 2 { place + 1 } else { place };
-        let offset = [place % side, place / side].map(|at| at as i32 - window as i32);
-        Self { kind, offset, hit: index_below(hits, sampler.next_1d()) }
-    }
-}
-
-/// Probability of accepting a move by `forward`, the new state's target times the reverse move's density, against the old
-/// state's times the move's.
-fn accept(forward: f64, backward: f64) -> f64 {
-    let ratio = forward / backward;
-    // NaN is refused.
-    if ratio >= 1.0 { 1.0 } else { ratio.max(0.0) }
-}
-
 /// Are two distances to lights in the same direction those of one light? Infinite ones are.
 fn is_same(distance: f32, other: f32) -> bool {
-    distance == other || (distance - other).abs() <= SAME_LIGHT * other
-}
-
-fn index_below(count: u32, u: f32) -> u32 {
-    ((f64::from(u) * f64::from(count)) as u32).min(count - 1)
-}
-
-/// A direction at a log-uniform angle from `around`.
-fn jump(around: Vec3, u: Vec2) -> Vec3 {
-    let angle = LARGEST_JUMP * (-f64::from(u.x) * (LARGEST_JUMP / SMALLEST_JUMP).ln()).exp();
-    let (sine, cosine) = angle.sin_cos();
-    let turned = Vec2::from_angle((TAU * f64::from(u.y)) as f32) * sine as f32;
-    Frame::from_normal(around).to_world(turned.extend(cosine as f32)).normalize()
-}
-
-/// Density of [`jump`] from `around` to `direction`, per steradian: `1 / (θ ln(θ₂/θ₁) 2π sin θ)`; 0 outside its range.
-/// The angle is that of the directions as they were rounded, so that a move and its reverse agree on the range.
-fn jump_pdf(around: Vec3, direction: Vec3) -> f64 {
-    let (a, b) = (around.as_dvec3(), direction.as_dvec3());
-    let sine = a.cross(b).length();
-    let angle = sine.atan2(a.dot(b));
-    if (SMALLEST_JUMP..LARGEST_JUMP).contains(&angle) {
-        1.0 / (angle * (LARGEST_JUMP / SMALLEST_JUMP).ln() * TAU * sine)
-    } else {
-        0.0
-    }
+    // A lamp in front of the sky is not the sky, though all is within a part of infinity.
+    distance == other || (other.is_finite() && (distance - other).abs() <= SAME_LIGHT * other)
 }
