@@ -277,7 +277,7 @@ fn chains_that_cannot_move_have_the_mean_of_their_seeds_and_tell() {
     let expected = by_path(&scene, 64);
     let mutations =
         Mutations { bidirectional: false, lens: false, caustic: false, multi_chain: false };
-    let mlt = Mlt { mutations, bootstrap_pairs: 1000, separate_direct: false, ..Mlt::default() };
+    let mlt = Mlt { mutations, bootstrap_pairs: 1000, separate_direct: false };
     let found = replicas(&scene, Integrator::Mlt(mlt), 2 * REPLICAS, 16);
     assert_same_mean(&found, &expected, "stuck mlt");
     // 64 chains of 36 mutations for 144 pixels.

@@ -187,7 +187,8 @@ fn spread_energy_has_the_mean_of_path_tracing() {
     // Paths of three edges and more, by path tracing.
     let indirect =
         bdpt_batches(&scene, bdpt, 32, 64, |one| (one.s + one.t > 3).then_some((0, one.weight)));
-    let usual = Erpt { mutations: BOTH, ..Erpt::default() };
+    // Short chains, of which there are more: their number is what the error comes from.
+    let usual = Erpt { mutations: BOTH, chain_length: 10, ..Erpt::default() };
     for (what, erpt, factor) in [
         ("small deposits", usual, 0.1),
         ("usual deposits", usual, 1.0),
@@ -196,8 +197,8 @@ fn spread_energy_has_the_mean_of_path_tracing() {
         ("lens alone", Erpt { mutations: LENS, ..usual }, 1.0),
         ("caustic alone", Erpt { mutations: CAUSTIC, ..usual }, 1.0),
         ("seeds from the camera", Erpt { seeds: Strategies::FromCamera, ..usual }, 1.0),
-        ("chains of 7", Erpt { chain_length: 7, ..usual }, 1.0),
-        ("chains limited in number", Erpt { most_chains: 1, chain_length: 10, ..usual }, 1.0),
+        ("chains of 100", Erpt { chain_length: 100, ..usual }, 0.3),
+        ("chains limited in number", Erpt { most_chains: 1, ..usual }, 1.0),
     ] {
         assert_same(&erpt_batches(&scene, &erpt, factor), 0, &indirect, 0, what);
     }
