@@ -276,3 +276,15 @@ fn is_same(distance: f32, other: f32) -> bool {
     // A lamp in front of the sky is not the sky, though all is within a part of infinity.
     distance == other || (other.is_finite() && (distance - other).abs() <= SAME_LIGHT * other)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::is_same;
+
+    #[test]
+    fn a_lamp_is_not_the_sky_behind_it() {
+        assert!(is_same(f32::INFINITY, f32::INFINITY) && is_same(2.001, 2.0));
+        assert!(!is_same(2.0, f32::INFINITY) && !is_same(f32::INFINITY, 2.0));
+        assert!(!is_same(2.01, 2.0));
+    }
+}
