@@ -4,10 +4,10 @@
 //! Light that a camera ray's first receiver (the first surface with a smooth lobe, seen through delta lobes only) gets straight
 //! from area emitters and the environment is found in two passes. The first ([`sir`]) resamples many candidates of light ×
 //! scattering and traces shadow rays to a few; it is nearly free of noise where nothing is in the way. Pixels that see light
-//! partly occluded are [marked](marks), and in the second pass ([`exchange`]) Markov chains move the energy of their
+//! partly occluded are [marked](marks), and in the second pass, the exchange, Markov chains move the energy of their
 //! visible samples between them, so that each profits from directions that its neighbours found open. Point, spot and
 //! directional emitters get one shadow ray each. All other light, seen directly or indirect, is path-traced along the
-//! same camera rays ([`PathTracing::trace_without_direct`]).
+//! same camera rays ([`trace_without_direct`](super::PathTracing::trace_without_direct)).
 //!
 //! Use it where few camera rays are all there is: for equal numbers of them it has a fraction of the noise of path tracing. For
 //! equal time do not: path tracing found direct light with less noise wherever the two were measured, see

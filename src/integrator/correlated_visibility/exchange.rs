@@ -232,8 +232,7 @@ impl<'e, 'a> Exchange<'e, 'a> {
         // Densities are per steradian at the receiver that the jump arrives at, and so are the targets.
         let forward = jump_pdf(carried, to.direction);
         let backward = jump_pdf(carried_back, from.direction);
-        let acceptance = accept(to.target * backward, from.target * forward);
-        (forward > 0.0).then(|| (to, acceptance))
+        (forward > 0.0).then(|| (to, accept(to.target * backward, from.target * forward)))
     }
 
     fn mutate_independently<S: Sampler>(
