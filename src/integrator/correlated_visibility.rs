@@ -4,13 +4,14 @@
 //! Light that a camera ray's first receiver (the first surface with a smooth lobe, seen through delta lobes only) gets straight
 //! from area emitters and the environment is found in two passes. The first ([`sir`]) resamples many candidates of light ×
 //! scattering and traces shadow rays to a few; it is nearly free of noise where nothing is in the way. Pixels that see light
-//! partly occluded are [marked](marks), and in the second pass ([`exchange`]) Markov chains move the energy of their
+//! partly occluded are [marked](marks), and in the second pass, the exchange, Markov chains move the energy of their
 //! visible samples between them, so that each profits from directions that its neighbours found open. Point, spot and
 //! directional emitters get one shadow ray each. All other light, seen directly or indirect, is path-traced along the
-//! same camera rays ([`PathTracing::trace_without_direct`]).
+//! same camera rays ([`trace_without_direct`](super::PathTracing::trace_without_direct)).
 //!
-//! Prefer it where direct light of a detailed environment on glossy surfaces is what makes the noise; where indirect light does, it
-//! is path tracing at a higher price.
+//! Use it where few camera rays are all there is: for equal numbers of them it has a fraction of the noise of path tracing. For
+//! equal time do not: path tracing found direct light with less noise wherever the two were measured, see
+//! [`CorrelatedVisibility`]; and where indirect light makes the noise, this is path tracing at a higher price.
 //!
 //! *Bias.* Given the marks, the exchange keeps the expected picture; so it is unbiased if the marks do not depend on the
 //! samples whose energy is exchanged. [`Pilot`](MarkSource::Pilot) marks come from samples of their own, and the picture has
@@ -48,6 +49,15 @@ pub enum MarkSource {
 }
 
 /// Direct light by resampling and energy exchange, all other light by path tracing; see the [module](self).
+///
+/// Measured with direct light alone on `scenes/blockers` (the same with two rectangle lamps instead of the environment in
+/// brackets), 160 × 120 pixels, mean of `(a - r)² / (r² + 0.01)`, two seeds:
+/// - one camera ray a pixel: path tracing 0.99 (0.17), resampling alone 0.12 (0.020), with exchange 0.082 (0.017);
+/// - four: 0.21 (0.027), 0.026 (0.0033), 0.017 (0.0027);
+/// - as long as exchange takes for four, about 1.3 s (0.9 s) of one processor: path tracing, with 64 camera rays, 0.0044
+///   (0.0006). Resampling alone takes 0.75 s (0.40 s) for four and has 0.0047 (0.0007) for sixteen in 2.6 s (1.6 s).
+///
+/// So exchange takes a third (a fifth) off what resampling leaves at few camera rays, but time is better spent on more of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CorrelatedVisibility {
     /// Shadow rays of a camera ray's receiver, `N ≥ 1`.

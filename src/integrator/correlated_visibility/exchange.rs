@@ -232,8 +232,7 @@ impl<'e, 'a> Exchange<'e, 'a> {
         // Densities are per steradian at the receiver that the jump arrives at, and so are the targets.
         let forward = jump_pdf(carried, to.direction);
         let backward = jump_pdf(carried_back, from.direction);
-        let acceptance = accept(to.target * backward, from.target * forward);
-        (forward > 0.0).then(|| (to, acceptance))
+        (forward > 0.0).then(|| (to, accept(to.target * backward, from.target * forward)))
     }
 
     fn mutate_independently<S: Sampler>(
@@ -275,4 +274,16 @@ impl<'e, 'a> Exchange<'e, 'a> {
 fn is_same(distance: f32, other: f32) -> bool {
     // A lamp in front of the sky is not the sky, though all is within a part of infinity.
     distance == other || (other.is_finite() && (distance - other).abs() <= SAME_LIGHT * other)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_same;
+
+    #[test]
+    fn a_lamp_is_not_the_sky_behind_it() {
+        assert!(is_same(f32::INFINITY, f32::INFINITY) && is_same(2.001, 2.0));
+        assert!(!is_same(2.0, f32::INFINITY) && !is_same(f32::INFINITY, 2.0));
+        assert!(!is_same(2.01, 2.0));
+    }
 }
