@@ -137,7 +137,7 @@ impl Erpt {
             .connect(max_depth(scene), &mut found);
         let energies = found
             .iter()
-            .filter(|one| is_state(scene, one, self.separate_direct))
+            .filter(|one| is_state(one, self.separate_direct))
             .map(Contribution::luminance);
         energies.filter(|energy| energy.is_finite()).sum()
     }
@@ -172,7 +172,7 @@ impl Erpt {
         let pair = self.walks(scene, raster, &mut sampler, workspace);
         let mut found = Vec::new();
         pair.connect(max_depth(scene), &mut found);
-        for one in found.iter().filter(|one| is_state(scene, one, self.separate_direct)) {
+        for one in found.iter().filter(|one| is_state(one, self.separate_direct)) {
             self.spread_one(scene, &pair, one, pass.deposit, &mut numbers, deposits);
         }
     }

@@ -50,9 +50,9 @@ pub(super) fn shortest(separate_direct: bool) -> u32 {
     if separate_direct { 3 } else { 1 }
 }
 
-/// Is that path one of those that chains of paths visit: long enough, and seen through the crop window?
-pub(super) fn is_state(scene: &Scene, found: &Contribution, separate_direct: bool) -> bool {
-    found.s + found.t > shortest(separate_direct) && scene.film.crop_pixel(found.raster).is_some()
+/// Is that path long enough for chains of paths?
+pub(super) fn is_state(found: &Contribution, separate_direct: bool) -> bool {
+    found.s + found.t > shortest(separate_direct)
 }
 
 /// The walks of a draw; the raster point is uniform over the crop window.
@@ -90,8 +90,7 @@ impl MarkovChains for Mlt {
         let pair = walks(scene, numbers, &mut workspace);
         let mut contributions = Vec::new();
         pair.connect(reach(scene, 1).max_edges, &mut contributions);
-        let states =
-            || contributions.iter().filter(|one| is_state(scene, one, self.separate_direct));
+        let states = || contributions.iter().filter(|one| is_state(one, self.separate_direct));
         let total: f64 = states().map(Contribution::luminance).sum();
         // One path stands for all of the pair, chosen by its share: a pool of as many candidates as pairs.
         let mut left = total * IndependentSampler::stream(seed, Stream::Choice, index).next_f64();
