@@ -1,10 +1,13 @@
 //! Correlated visibility sampling: METHODS 13.5.
 
+mod marks;
+mod resampling;
+
 use crate::support::mean::Mean;
 use crate::support::scenes::{render_finite, scene_around, settings};
 use crate::support::{LEVEL, sidak};
 use quietlight::integrator::correlated_visibility::{
-    CorrelatedVisibility, MarkSource, PixelSums, VisibilityRendering,
+    CorrelatedVisibility, PixelSums, VisibilityRendering,
 };
 use quietlight::integrator::{Integrator, PathTracing, Strategy};
 use quietlight::render::{RenderSettings, Rendered};
@@ -161,6 +164,25 @@ const LAMPS: &str = r#"<shape type="rectangle"><transform name="to_world"><rotat
 const SKY: &str =
     r#"<emitter type="constant"><rgb name="radiance" value="0.2 0.3 0.4"/></emitter>"#;
 
+/// A floor 4 in front of the camera, a lamp 2 behind it, |x| < 0.2, and a half plane x < 0 that covers it from 1 behind the
+/// camera. From `x` on the floor the lamp's point `l` is seen over `x + (l - x) 5/6` on the half plane: light from all of
+/// the lamp arrives where `x > 1`, none where `x < -1`.
+fn penumbra(more: &str) -> Scene {
+    scene_around(
+        24,
+        60.0,
+        2,
+        &format!(
+            r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-4"/></transform>
+            <bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>
+        <shape type="rectangle"><transform name="to_world"><scale x="20" y="40"/><translate x="-20" z="1"/></transform>
+            <bsdf type="twosided"><bsdf type="diffuse"/></bsdf></shape>
+        <shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><scale x="0.2" y="1"/>
+            <translate z="2"/></transform><emitter type="area"><rgb name="radiance" value="20"/></emitter></shape>{more}"#
+        ),
+    )
+}
+
 fn same_as_path_tracing(what: &str, scene: &Scene, settings: CorrelatedVisibility) {
     let exchanged = replicas(64, |seed| by_exchange(scene, settings, 4, seed, 2));
     let traced = replicas(64, |seed| by_path_tracing(scene, 32, seed, 2));
@@ -202,186 +224,6 @@ fn chains_of_any_length_and_number_have_the_mean_of_path_tracing() {
         let exchanged = replicas(64, |seed| by_exchange(&scene, settings, 4, seed, 2));
         assert_same(&format!("{settings:?}"), &exchanged, &traced);
     }
-}
-
-/// A Lambertian floor of reflectance 0.6 filling the picture.
-fn floor(light: &str) -> Scene {
-    scene_around(
-        4,
-        20.0,
-        2,
-        &format!(
-            r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-1"/></transform>
-            <bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf></shape>{light}"#
-        ),
-    )
-}
-
-#[test]
-fn resampling_finds_the_albedo_in_constant_light_for_any_number_of_candidates() {
-    let scene = floor(r#"<emitter type="constant"><rgb name="radiance" value="1"/></emitter>"#);
-    let mut variances = Vec::new();
-    for [candidates, shadow_rays] in [[1, 1], [4, 1], [16, 4], [64, 16]] {
-        let settings =
-            CorrelatedVisibility { candidates, shadow_rays, mutations: 0, ..Default::default() };
-        let hits = 64;
-        let mut mean = Mean::default();
-        for seed in 0..64 {
-            let half = rendered(&scene, settings, seed, hits);
-            mean.extend(half.sums().iter().map(|sums| luminance(sums) / f64::from(hits)));
-            let most = u64::from(shadow_rays * hits) * 16;
-            // Half of the light's candidates are below the horizon, a quarter of all: only with one is there often no ray.
-            let fewest = if candidates == 1 { most * 5 / 8 } else { most / 2 };
-            let rays = half.ledger().shadow_rays;
-            assert!((fewest..=most).contains(&rays), "{rays} shadow rays, {fewest} to {most}");
-            for sums in half.sums() {
-                assert_eq!(sums.seen.visible, f64::from(sums.seen.of));
-                assert_eq!(sums.seen.of % shadow_rays, 0);
-            }
-        }
-        let p = mean.p_against(0.6);
-        assert!(p > sidak(LEVEL, 4), "{candidates} candidates: {} p {p:.2e}", mean.mean());
-        variances.push(mean.variance());
-    }
-    assert!(variances.is_sorted_by(|a, b| a > b), "{variances:?}");
-}
-
-#[test]
-fn unoccluded_light_is_that_of_path_tracing_with_less_noise() {
-    // Nothing is in the way: with as many shadow rays (32 samples of one, and one walk into the light, against 4 of 4 out of 64
-    // candidates) resampling has the same mean.
-    let scene = floor(
-        r#"<shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><translate x="1" z="1"/></transform>
-        <emitter type="area"><rgb name="radiance" value="6 5 4"/></emitter></shape>
-        <shape type="sphere"><point name="center" x="-2" y="1" z="0.5"/><float name="radius" value="0.3"/>
-        <emitter type="area"><rgb name="radiance" value="3 6 9"/></emitter></shape>"#,
-    );
-    let settings = CorrelatedVisibility { candidates: 64, mutations: 0, ..Default::default() };
-    let resampled = replicas(64, |seed| by_exchange(&scene, settings, 4, seed, 1));
-    let traced = replicas(64, |seed| by_path_tracing(&scene, 16, seed, 1));
-    assert_same("unoccluded", &resampled, &traced);
-    let variance = |means: &[Vec<Mean>; 3]| means[0].iter().map(Mean::variance).sum::<f64>();
-    let (ours, theirs) = (variance(&resampled), variance(&traced));
-    assert!(ours < theirs, "{ours:.2e} {theirs:.2e}");
-}
-
-/// A floor 4 in front of the camera, a lamp 2 behind it, |x| < 0.2, and a half plane x < 0 that covers it from 1 behind the
-/// camera. From `x` on the floor the lamp's point `l` is seen over `x + (l - x) 5/6` on the half plane: light from all of
-/// the lamp arrives where `x > 1`, none where `x < -1`.
-fn penumbra(more: &str) -> Scene {
-    scene_around(
-        24,
-        60.0,
-        2,
-        &format!(
-            r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-4"/></transform>
-            <bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>
-        <shape type="rectangle"><transform name="to_world"><scale x="20" y="40"/><translate x="-20" z="1"/></transform>
-            <bsdf type="twosided"><bsdf type="diffuse"/></bsdf></shape>
-        <shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><scale x="0.2" y="1"/>
-            <translate z="2"/></transform><emitter type="area"><rgb name="radiance" value="20"/></emitter></shape>{more}"#
-        ),
-    )
-}
-
-/// Columns of the penumbra scene's picture, as x on the floor.
-fn column_range(column: usize) -> [f64; 2] {
-    let half = 4.0 * 30f64.to_radians().tan();
-    [column, column + 1].map(|edge| (edge as f64 / 12.0 - 1.0) * half)
-}
-
-#[test]
-fn only_pixels_of_the_penumbra_are_marked_and_all_of_them_with_many_shadow_rays() {
-    let scene = penumbra("");
-    let mut shares = Vec::new();
-    for shadow_rays in [1, 2, 4, 16] {
-        let settings = CorrelatedVisibility {
-            shadow_rays,
-            candidates: 8 * shadow_rays,
-            dilation: 0,
-            pilot_hits: 2,
-            ..Default::default()
-        };
-        let half = rendered(&scene, settings, 7, 1);
-        let marks = half.marks().expect("there was a pilot");
-        let (mut marked, mut inside) = (0, 0);
-        for pixel in 0..24 * 24 {
-            let [low, high] = column_range(pixel % 24);
-            if low > 1.0 || high < -1.0 {
-                assert_eq!(marks.slot(pixel), None, "column {} is not in the penumbra", pixel % 24);
-            } else if low > -0.8 && high < 0.8 {
-                inside += 1;
-                marked += usize::from(marks.slot(pixel).is_some());
-            }
-        }
-        shares.push(marked as f64 / inside as f64);
-    }
-    assert!(shares.is_sorted_by(|a, b| a < b) && shares[3] > 0.97, "{shares:.3?}");
-}
-
-#[test]
-fn a_mirror_is_marked_for_what_is_seen_in_it() {
-    // The left half of the picture is a mirror on the floor. Seen in it are the half plane's lit side, of which all pixels see
-    // the whole lamp behind it or nothing of it, or nothing at all (METHODS 7.5: no smooth lobe, no mark).
-    let scene = penumbra(
-        r#"<shape type="rectangle"><transform name="to_world"><scale x="10" y="10"/><translate x="-9.9" z="-3.9"/></transform>
-        <bsdf type="conductor"/></shape>"#,
-    );
-    let settings =
-        CorrelatedVisibility { shadow_rays: 16, candidates: 64, dilation: 0, ..Default::default() };
-    let half = rendered(&scene, settings, 5, 1);
-    let marks = half.marks().expect("there was a pilot");
-    for pixel in 0..24 * 24 {
-        // Columns of the mirror's plane: its edge x = 0.1 at 3.9 is in column 12.
-        if pixel % 24 < 12 {
-            assert_eq!(marks.slot(pixel), None, "column {}", pixel % 24);
-        }
-    }
-    assert!(!marks.is_empty());
-}
-
-#[test]
-fn marks_of_the_same_samples_are_biased_the_less_the_more_shadow_rays() {
-    // In the penumbra, with a part v of the lamp visible, N samples mark a pixel with P = 1 - vᴺ - (1 - v)ᴺ, and what is seen
-    // from the dark side is seen from the lit side, too. So of two pixels v < w the darker one gives
-    // P(w) (v - vᴺ) and gets P(v) (w - wᴺ) v/w: the difference is v w (w - v) for N = 2, and positive for all N. Same marks
-    // move light from the dark side (columns 0 to 11) to the lit one; where mixing is complete, by v (1 - v) (2v - 1) of the
-    // full light for N = 2, 0.1 at most. The sum over the five columns of the penumbra is then near 0.3 of a lit pixel, a
-    // half or a third of that after a step or two, and less than half of it for N = 8.
-    let mut scene = penumbra("");
-    scene.film.crop = [5, 0, 14, 24];
-    let of = |shadow_rays: u32, marks, mutations, first: u64| -> Mean {
-        let settings = CorrelatedVisibility {
-            shadow_rays,
-            candidates: 8 * shadow_rays,
-            dilation: 0,
-            marks,
-            pilot_hits: 1,
-            mutations,
-            ..Default::default()
-        };
-        let tilt = |seed| {
-            let half = rendered(&scene, settings, first + seed, 1);
-            let side = |pixel: usize| if pixel % 14 < 7 { -1.0 } else { 1.0 };
-            let pixels = half.sums().iter().enumerate();
-            pixels.map(|(pixel, sums)| side(pixel) * luminance(sums)).sum::<f64>()
-        };
-        (0..600).map(tilt).collect()
-    };
-    let mut biases = Vec::new();
-    for (shadow_rays, first) in [(2, 10_000), (8, 20_000)] {
-        let plain = of(shadow_rays, MarkSource::Pilot, 0, first);
-        let pilot = of(shadow_rays, MarkSource::Pilot, 8 * shadow_rays, first + 1000);
-        let same = of(shadow_rays, MarkSource::Same, 8 * shadow_rays, first + 2000);
-        let p = pilot.p_same_as(&plain);
-        assert!(p > sidak(LEVEL, 2), "pilot marks with {shadow_rays} shadow rays: p {p:.2e}");
-        let variance = same.variance_of_mean() + plain.variance_of_mean();
-        biases.push((same.mean() - plain.mean(), variance));
-    }
-    let [(two, two_variance), (eight, eight_variance)] = biases[..] else { unreachable!() };
-    // 3.72 of a normal number is its one-sided level of 10⁻⁴.
-    assert!(two > 3.72 * two_variance.sqrt(), "no bias seen: {biases:?}");
-    assert!(two - eight > 3.72 * (two_variance + eight_variance).sqrt(), "{biases:?}");
 }
 
 #[test]

@@ -8,7 +8,8 @@ use crate::sampler::Sampler;
 use crate::scene::LoadOptions;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// Lamps, a sky and a blocker close over a glossy floor, so that what a lamp sends changes from pixel to pixel.
+/// Lamps and a blocker close over a glossy floor, so that what a lamp sends changes from pixel to pixel, and a wide lamp before
+/// the sky, so that many directions of the sky lead to a lamp.
 fn scene() -> Scene {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.xml");
@@ -27,6 +28,9 @@ fn scene() -> Scene {
             <emitter type="area"><rgb name="radiance" value="20 16 12"/></emitter></shape>
         <shape type="sphere"><point name="center" x="-0.7" y="-0.5" z="-3.8"/><float name="radius" value="0.15"/>
             <emitter type="area"><rgb name="radiance" value="20 40 60"/></emitter></shape>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><scale value="3"/>
+            <translate y="3" z="-4"/></transform>
+            <emitter type="area"><rgb name="radiance" value="0.6 0.6 0.6"/></emitter></shape>
         <emitter type="constant"><rgb name="radiance" value="0.4 0.3 0.2"/></emitter></scene>"#,
     )
     .unwrap();
@@ -45,10 +49,10 @@ fn features(state: &State, pixels: &[u32], hits: u32) -> [usize; 2] {
         light::Light::Area { id, .. } => 1 + id.0 as usize,
     };
     let block = (pixel / 12 / 3 * 4 + pixel % 12 / 3) as usize;
-    [16 * light + block, 16 * 3 + 8 * light + octant]
+    [16 * light + block, 16 * 4 + 8 * light + octant]
 }
 
-const FEATURES: usize = 3 * (16 + 8);
+const FEATURES: usize = 4 * (16 + 8);
 
 /// What the steps of chains did to the sums of energy over features, a replica of the first pass at a time.
 struct Changes {
