@@ -61,9 +61,9 @@ pub(super) struct Networks {
     pub(super) models: Vec<PathBuf>,
 }
 
-/// How the methods of Markov chains run.
+/// How the methods of Markov chains, and correlated visibility sampling, run.
 #[derive(Args, Debug)]
-#[command(next_help_heading = "Markov chains")]
+#[command(next_help_heading = "Chains and visibility")]
 pub(super) struct ChainOptions {
     /// Walks that samples of pssmlt, and seeds of erpt, are made of
     #[arg(long, value_enum, default_value_t)]
@@ -83,6 +83,12 @@ pub(super) struct ChainOptions {
     /// Biased, erpt: replace pixels above FACTOR times the median of the proposals around them by it; the energy lost is told
     #[arg(long, value_name = "FACTOR", value_parser = factor)]
     pub(super) proposal_limit: Option<f32>,
+    /// Where visibility gets the marks of partly lit pixels from
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) marks: Marks,
+    /// Exchange rays of visibility for each camera ray of a marked pixel, on average; 0 for resampling alone
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(..=1 << 16))]
+    pub(super) exchange: u32,
 }
 
 #[derive(Args, Debug)]
@@ -330,6 +336,15 @@ pub(super) enum Mutation {
     Caustic,
     /// Another place on the film, and other directions between mirrors
     MultiChain,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Marks {
+    /// Camera rays of their own: unbiased
+    #[default]
+    Pilot,
+    /// The camera rays that they mark: costs nothing, and is biased, less so with more rays
+    Same,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

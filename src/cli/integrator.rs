@@ -1,6 +1,7 @@
 //! Which method a command asks for.
 
-use super::args::{self, ChainOptions, Render, Walks};
+use super::args::{self, ChainOptions, Marks, Render, Walks};
+use crate::integrator::correlated_visibility::MarkSource;
 use crate::integrator::{
     Bdpt, Choice, CorrelatedVisibility, Erpt, Integrator, Mlt, Mutations, PathTracing,
     PrimaryPaths, Pssmlt, Strategy,
@@ -37,7 +38,14 @@ pub(super) fn of(arguments: &Render, scene: &Scene) -> Integrator {
             ..Mlt::default()
         }),
         args::Integrator::Erpt => Integrator::Erpt(erpt(options)),
-        args::Integrator::Visibility => Integrator::Visibility(CorrelatedVisibility::default()),
+        args::Integrator::Visibility => Integrator::Visibility(CorrelatedVisibility {
+            marks: match options.marks {
+                Marks::Pilot => MarkSource::Pilot,
+                Marks::Same => MarkSource::Same,
+            },
+            mutations: options.exchange,
+            ..CorrelatedVisibility::default()
+        }),
     }
 }
 

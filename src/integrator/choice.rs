@@ -1,7 +1,7 @@
 //! Which method a scene requires.
 
 use super::bdpt::{Bdpt, Workspace};
-use super::{Integrator, Mlt, PathTracing};
+use super::{Erpt, Integrator, PathTracing};
 use crate::sampler::{IndependentSampler, Sampler, Stream};
 use crate::scene::Scene;
 use crate::transport::connect::Strategies;
@@ -22,7 +22,9 @@ const CELLS: u32 = 16;
 /// and glass, and at the ajar door, 2.9 to 3.3.
 const COST_OF_PAIR: f64 = 3.2;
 
-/// Noise of a bidirectional sample from which on chains, which stay where light was found, are better.
+/// Noise of a bidirectional sample from which on energy redistribution, whose chains stay where light was found, is better: in
+/// 60 s of two threads at the ajar door (noise 13) it left 0.22 of the squared error of bidirectional path tracing and 0.07 of
+/// that of path tracing, in the caustic pool (15) 0.25 and 0.24; in the Cornell box (0.7) 1.3 times both.
 const CHAINS_FROM: f64 = 10.0;
 
 /// What some pairs of walks tell of a scene's light.
