@@ -171,8 +171,8 @@ impl Choice {
         let is_unseen = unseen > 0.001;
         let (integrator, verdict): (Integrator, _) = if noise_of_bdpt > CHAINS_FROM {
             (
-                Integrator::Mlt(Mlt::default()),
-                "light is hard to find for both: chains stay where it is",
+                Integrator::Erpt(Erpt::default()),
+                "light is hard to find for both, and chains stay where it is",
             )
         } else if is_unseen || noise_of_bdpt * COST_OF_PAIR < noise_of_path {
             (
