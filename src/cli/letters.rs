@@ -2,7 +2,7 @@
 
 use quietlight_denoise::Image;
 
-/// Pixels across that a letter takes, and down that a line takes.
+/// Pixels across that a letter takes.
 pub(super) const WIDTH: usize = 4 * DOT;
 /// Pixels down that a line takes.
 pub(super) const HEIGHT: usize = 6 * DOT;
@@ -64,6 +64,8 @@ mod tests {
         assert_eq!(picture[[0, 11, 3]], 1.0);
         assert_eq!(picture[[2, 6, 3 + WIDTH]], 1.0);
         assert_eq!(picture[[0, 2, 3]], 0.0);
-        assert!(picture.iter().filter(|&&value| value > 0.0).count() > 3 * 4 * 16);
+        // Eight dots, three, and of the second 1 the left half of two; the last letter lies outside.
+        let drawn = picture.iter().filter(|&&value| value > 0.0).count();
+        assert_eq!(drawn, 3 * (8 * 4 + 3 * 4 + 2 * 2));
     }
 }
