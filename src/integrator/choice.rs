@@ -24,7 +24,7 @@ const COST_OF_PAIR: f64 = 3.2;
 
 /// Noise of a bidirectional sample from which on energy redistribution, whose chains stay where light was found, is better: in
 /// 60 s of two threads at the ajar door (noise 13) it left 0.22 of the squared error of bidirectional path tracing and 0.07 of
-/// that of path tracing, in the caustic pool (15) 0.25 and 0.24; in the Cornell box (0.7) 1.3 times both.
+/// that of path tracing, in the caustic pool (15) 0.25 and 0.24; in the Cornell box (0.7) three times both.
 const CHAINS_FROM: f64 = 10.0;
 
 /// What some pairs of walks tell of a scene's light.
