@@ -2,7 +2,7 @@
 //! that each row names.
 
 use crate::support::scenes::{
-    assert_equal_energy, assert_mean, layer, mean_and_error, render_finite, scene_around,
+    assert_equal_energy, assert_mean, layer, mean_and_error, render_finite, scaled, scene_around,
     scene_from, settings,
 };
 use quietlight::integrator::Strategy::{Bsdf, Light, Mis};
@@ -131,37 +131,13 @@ fn a_speck_of_a_light_and_a_huge_one_are_chosen_by_their_power() {
     assert_mean(mean_and_error(&rendered), expected, 0.05, "speck and sheet");
 }
 
-/// A small scene whose lengths are all multiplied by `scale`, moved by `offset` along x. A camera may not be scaled, so
-/// that its transform and its clipping planes are.
-fn scaled(scale: f64, offset: f64) -> Scene {
-    let (up, back, near, far) = (scale, 5.0 * scale, 0.01 * scale, 1e4 * scale);
-    scene_from(&format!(
-        r#"<scene version="3.0.0">
-        <sensor type="perspective"><float name="fov" value="50"/>
-            <float name="near_clip" value="{near}"/><float name="far_clip" value="{far}"/>
-            <transform name="to_world"><lookat origin="{offset},{up},{back}" target="{offset},0,0" up="0,1,0"/></transform>
-            <film type="hdrfilm"><integer name="width" value="48"/><integer name="height" value="48"/>
-                <rfilter type="box"/></film></sensor>
-        <shape type="sphere"><transform name="to_world"><scale value="{scale}"/><translate x="{offset}"/></transform>
-            <bsdf type="roughplastic"/></shape>
-        <shape type="cube"><transform name="to_world"><translate x="1.5" z="-2"/><scale value="{scale}"/>
-            <translate x="{offset}"/></transform><bsdf type="dielectric"/></shape>
-        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="4"/>
-            <translate y="-1"/><scale value="{scale}"/><translate x="{offset}"/></transform></shape>
-        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="3"/>
-            <scale value="{scale}"/><translate x="{offset}"/></transform>
-            <emitter type="area"><rgb name="radiance" value="5"/></emitter></shape>
-        </scene>"#
-    ))
-}
-
 #[test]
 fn a_scene_looks_the_same_at_every_scale_and_far_from_the_origin() {
-    let plain = render_finite(&scaled(1.0, 0.0), &settings(256, 11, Mis));
+    let plain = render_finite(&scaled(48, -1, 1.0, 0.0), &settings(256, 11, Mis));
     for (scale, offset) in
         [(1e-4, 0.0), (1e-2, 0.0), (1e3, 0.0), (1e7, 0.0), (1.0, 1e6), (1e-2, 1e4), (1e4, 1e6)]
     {
-        let other = render_finite(&scaled(scale, offset), &settings(256, 12, Mis));
+        let other = render_finite(&scaled(48, -1, scale, offset), &settings(256, 12, Mis));
         assert_equal_energy(&other, &plain, &format!("scale {scale}, offset {offset}"));
     }
 }

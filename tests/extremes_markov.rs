@@ -1,7 +1,7 @@
 //! The extremes of METHODS 14 for the methods of Markov chains: finite, no panic, and the property that each row names.
 
 use crate::support::mean::Mean;
-use crate::support::scenes::{layer, render_finite, scene_around, scene_from, settings};
+use crate::support::scenes::{layer, render_finite, scaled, scene_around, scene_from, settings};
 use crate::support::{LEVEL, sidak};
 use quietlight::integrator::{
     Bdpt, Erpt, Integrator, Mlt, Mutations, PathTracing, PrimaryPaths, Pssmlt, Strategy,
@@ -211,34 +211,11 @@ fn a_light_of_1e_minus_8_survives_next_to_one_of_1e8() {
     }
 }
 
-/// A small scene whose lengths are all multiplied by `scale`, moved by `offset` along x.
-fn scaled(scale: f64, offset: f64) -> Scene {
-    let (up, back, near, far) = (scale, 5.0 * scale, 0.01 * scale, 1e4 * scale);
-    scene_from(&format!(
-        r#"<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="6"/></integrator>
-        <sensor type="perspective"><float name="fov" value="50"/>
-            <float name="near_clip" value="{near}"/><float name="far_clip" value="{far}"/>
-            <transform name="to_world"><lookat origin="{offset},{up},{back}" target="{offset},0,0" up="0,1,0"/></transform>
-            <film type="hdrfilm"><integer name="width" value="12"/><integer name="height" value="12"/>
-                <rfilter type="box"/></film></sensor>
-        <shape type="sphere"><transform name="to_world"><scale value="{scale}"/><translate x="{offset}"/></transform>
-            <bsdf type="roughplastic"/></shape>
-        <shape type="cube"><transform name="to_world"><translate x="1.5" z="-2"/><scale value="{scale}"/>
-            <translate x="{offset}"/></transform><bsdf type="dielectric"/></shape>
-        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="4"/>
-            <translate y="-1"/><scale value="{scale}"/><translate x="{offset}"/></transform></shape>
-        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="3"/>
-            <scale value="{scale}"/><translate x="{offset}"/></transform>
-            <emitter type="area"><rgb name="radiance" value="5"/></emitter></shape>
-        </scene>"#
-    ))
-}
-
 #[test]
 fn a_scene_is_as_bright_at_every_scale_and_far_from_the_origin() {
-    let expected = by_path(&scaled(1.0, 0.0), 256);
+    let expected = by_path(&scaled(12, 6, 1.0, 0.0), 256);
     for (scale, offset) in [(1e-4, 0.0), (1e7, 0.0), (1.0, 1e6)] {
-        let scene = scaled(scale, offset);
+        let scene = scaled(12, 6, scale, offset);
         for (name, integrator) in methods() {
             let found = replicas(&scene, integrator, REPLICAS, 16);
             assert_same_mean(&found, &expected, &format!("{scale}, {offset}, {name}"));

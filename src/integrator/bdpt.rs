@@ -60,7 +60,7 @@ impl Bdpt {
             max_steps: max_depth,
             rr_depth: scene.limits.rr_depth,
             heuristic: self.heuristic,
-            sees_lens: self.strategies == Strategies::All && scene.camera.aperture_radius() > 0.0,
+            sees_lens: self.strategies == Strategies::All && scene.camera.has_lens(),
         };
         walker.from_lens(eye, raster, lens, sampler);
         sampler.begin_walk(1);

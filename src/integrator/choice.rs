@@ -1,11 +1,11 @@
 //! Which method a scene requires.
 
 use super::bdpt::{Bdpt, Workspace};
+use super::mlt::walks;
 use super::{Erpt, Integrator, PathTracing};
-use crate::sampler::{IndependentSampler, Sampler, Stream};
+use crate::sampler::{IndependentSampler, Stream};
 use crate::scene::Scene;
 use crate::transport::connect::Strategies;
-use crate::transport::mis::Heuristic;
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -117,12 +117,8 @@ fn cells(scene: &Scene) -> usize {
 
 /// What one pair of walks finds, of paths of two edges and more: what is seen directly is without noise for both.
 fn pair<'s>(scene: &'s Scene, index: u64, workspace: &mut Workspace<'s>) -> Vec<Found> {
-    let mut numbers = IndependentSampler::stream(0, Stream::Bootstrap, index);
-    let raster = scene.film.crop_point(numbers.next_2d());
-    let has_lens = scene.camera.aperture_radius() > 0.0;
-    let lens = if has_lens { numbers.next_2d() } else { Vec2::ZERO };
-    let bdpt = Bdpt { heuristic: Heuristic::Power, strategies: Strategies::ToLens };
-    let walks = bdpt.walk(scene, raster, lens, &mut numbers, workspace);
+    let numbers = IndependentSampler::stream(0, Stream::Bootstrap, index);
+    let walks = walks(scene, Strategies::ToLens, numbers, workspace);
     let mut found = Vec::new();
     walks.connect(scene.limits.max_depth.unwrap_or(u32::MAX), &mut found);
     let [left, top, columns, rows] = scene.film.crop;

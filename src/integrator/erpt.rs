@@ -3,7 +3,7 @@
 use super::Splat;
 use super::bdpt::{Bdpt, Workspace};
 use super::changes::{Changes, Mutations, reach};
-use super::mlt::{is_state, shortest, splat};
+use super::mlt::{is_state, shortest, splat, walks};
 use crate::mcmc::{Chain, Statistics};
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler, Stream};
 use crate::scene::Scene;
@@ -130,29 +130,14 @@ impl Erpt {
     /// Energy that a sample finds, by the draw of that index: its mean sets the size of deposits.
     pub fn probe(&self, scene: &Scene, seed: u64, index: u64) -> f64 {
         let mut workspace = Workspace::default();
-        let mut numbers = IndependentSampler::stream(seed, Stream::Bootstrap, index);
-        let raster = scene.film.crop_point(numbers.next_2d());
+        let numbers = IndependentSampler::stream(seed, Stream::Bootstrap, index);
         let mut found = Vec::new();
-        self.walks(scene, raster, &mut numbers, &mut workspace)
-            .connect(max_depth(scene), &mut found);
+        walks(scene, self.seeds, numbers, &mut workspace).connect(max_depth(scene), &mut found);
         let energies = found
             .iter()
             .filter(|one| is_state(one, self.separate_direct))
             .map(Contribution::luminance);
         energies.filter(|energy| energy.is_finite()).sum()
-    }
-
-    fn walks<'a, 's, S: Sampler>(
-        &self,
-        scene: &'s Scene,
-        raster: Vec2,
-        numbers: &mut S,
-        workspace: &'a mut Workspace<'s>,
-    ) -> Pair<'a, 's> {
-        let has_lens = scene.camera.aperture_radius() > 0.0;
-        let lens = if has_lens { numbers.next_2d() } else { Vec2::ZERO };
-        let bdpt = Bdpt { heuristic: Heuristic::Power, strategies: self.seeds };
-        bdpt.walk(scene, raster, lens, numbers, workspace)
     }
 
     /// Takes one sample of the pixel and spreads its energy.
@@ -169,7 +154,9 @@ impl Erpt {
         let stream = u64::from(pass.sample) << 32 | u64::from(pixel);
         let mut numbers = IndependentSampler::stream(pass.seed, Stream::Chain, stream);
         let raster = Vec2::new(x as f32, y as f32) + sampler.next_2d();
-        let pair = self.walks(scene, raster, &mut sampler, workspace);
+        let lens = sampler.next_2d_if(scene.camera.has_lens());
+        let bdpt = Bdpt { heuristic: Heuristic::Power, strategies: self.seeds };
+        let pair = bdpt.walk(scene, raster, lens, &mut sampler, workspace);
         let mut found = Vec::new();
         pair.connect(max_depth(scene), &mut found);
         for one in found.iter().filter(|one| is_state(one, self.separate_direct)) {
@@ -205,8 +192,7 @@ impl Erpt {
             // Rounding made a path of it that carries nothing: the energy stays where it was found.
             let all = chains as f64 * f64::from(self.chain_length) * deposit;
             let luminance = f64::from((found.diffuse + found.specular).luminance());
-            let Contribution { raster, diffuse, specular, .. } = *found;
-            deposits.splats.push(Splat { raster, diffuse, specular }.weighted(all / luminance));
+            deposits.splats.push(Splat::from(found).weighted(all / luminance));
             deposits.ledger.deposited += all;
             return;
         };

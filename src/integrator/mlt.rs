@@ -9,7 +9,6 @@ use crate::scene::Scene;
 use crate::transport::connect::{Contribution, Pair, Strategies};
 use crate::transport::mis::Heuristic;
 use crate::transport::path::Path;
-use glam::Vec2;
 
 /// Metropolis light transport in path space (Veach and Guibas 1997, "Metropolis Light Transport"): chains of whole paths,
 /// whose target density is the luminance that they bring. Prefer it where light is hard to find and, once found, near more of
@@ -55,16 +54,16 @@ pub(super) fn is_state(found: &Contribution, separate_direct: bool) -> bool {
     found.s + found.t > shortest(separate_direct)
 }
 
-/// The walks of a draw; the raster point is uniform over the crop window.
+/// Walks of one draw: the raster point is uniform over the crop window.
 pub(super) fn walks<'a, 's>(
     scene: &'s Scene,
+    strategies: Strategies,
     mut numbers: IndependentSampler,
     workspace: &'a mut Workspace<'s>,
 ) -> Pair<'a, 's> {
-    let bdpt = Bdpt { heuristic: Heuristic::Power, strategies: Strategies::ToLens };
+    let bdpt = Bdpt { heuristic: Heuristic::Power, strategies };
     let raster = scene.film.crop_point(numbers.next_2d());
-    let has_lens = scene.camera.aperture_radius() > 0.0;
-    let lens = if has_lens { numbers.next_2d() } else { Vec2::ZERO };
+    let lens = numbers.next_2d_if(scene.camera.has_lens());
     bdpt.walk(scene, raster, lens, &mut numbers, workspace)
 }
 
@@ -87,7 +86,7 @@ impl MarkovChains for Mlt {
     fn draw(&self, scene: &Scene, seed: u64, index: u64, found: &mut Vec<(PathSeed, f64)>) {
         let mut workspace = Workspace::default();
         let numbers = IndependentSampler::stream(seed, Stream::Bootstrap, index);
-        let pair = walks(scene, numbers, &mut workspace);
+        let pair = walks(scene, Strategies::ToLens, numbers, &mut workspace);
         let mut contributions = Vec::new();
         pair.connect(reach(scene, 1).max_edges, &mut contributions);
         let states = || contributions.iter().filter(|one| is_state(one, self.separate_direct));
@@ -114,7 +113,8 @@ impl MarkovChains for Mlt {
     ) -> Option<PathWalker<'s>> {
         let mut workspace = Workspace::default();
         let numbers = IndependentSampler::stream(seed, Stream::Bootstrap, from.draw);
-        let path = walks(scene, numbers, &mut workspace).path(from.s, from.t)?;
+        let path =
+            walks(scene, Strategies::ToLens, numbers, &mut workspace).path(from.s, from.t)?;
         Some(PathWalker {
             chain: Chain::new(path, Changes::NAMES.len()),
             numbers: IndependentSampler::stream(seed, Stream::Chain, index),

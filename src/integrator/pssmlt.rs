@@ -5,7 +5,6 @@ use super::{MarkovChains, PathTracing, Splat};
 use crate::mcmc::{Chain, Failure, Kernels, LogUniform, Proposal, Statistics};
 use crate::sampler::{IndependentSampler, PrimarySampler, Sampler, Stream};
 use crate::scene::Scene;
-use glam::Vec2;
 
 /// Kelemen's method (Kelemen et al. 2002, "A Simple and Robust Mutation Strategy for the Metropolis Light Transport
 /// Algorithm"): another sampler's random numbers are the state of the chain, and the luminance of the sample that they make
@@ -88,8 +87,7 @@ impl Pssmlt {
         workspace: &mut Workspace<'s>,
     ) -> Found {
         let raster = scene.film.crop_point(numbers.next_2d());
-        let has_lens = scene.camera.aperture_radius() > 0.0;
-        let lens = if has_lens { numbers.next_2d() } else { Vec2::ZERO };
+        let lens = numbers.next_2d_if(scene.camera.has_lens());
         let mut found = Found { splats: Vec::new(), luminance: 0.0 };
         match self.paths {
             PrimaryPaths::Camera(path_tracing) => {
@@ -102,8 +100,7 @@ impl Pssmlt {
                 let mut contributions = Vec::new();
                 bdpt.trace(scene, raster, lens, numbers, workspace, &mut contributions);
                 for one in contributions {
-                    let (diffuse, specular) = (one.diffuse, one.specular);
-                    found.add(scene, Splat { raster: one.raster, diffuse, specular }, one.weight);
+                    found.add(scene, Splat::from(&one), one.weight);
                 }
             }
         }

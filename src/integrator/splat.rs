@@ -1,6 +1,7 @@
 //! Light that lands where it likes.
 
 use crate::math::Rgb;
+use crate::transport::Contribution;
 use glam::Vec2;
 
 /// A contribution to whichever pixel it falls on, as light paths, Markov chains and redistributed energy make them.
@@ -12,6 +13,14 @@ pub struct Splat {
     pub diffuse: Rgb,
     /// What it adds to the specular layer, times the film's scale.
     pub specular: Rgb,
+}
+
+impl From<&Contribution> for Splat {
+    /// The light of a contribution, without its weight.
+    fn from(found: &Contribution) -> Self {
+        let Contribution { raster, diffuse, specular, .. } = *found;
+        Self { raster, diffuse, specular }
+    }
 }
 
 impl Splat {

@@ -5,7 +5,6 @@ use super::{RenderSettings, SamplerKind};
 use crate::film::{Film, Radiance, Scale, SplatFilm, Tile};
 use crate::integrator::bdpt::{Bdpt, Workspace};
 use crate::integrator::{PathSample, Splat};
-use crate::math::Rgb;
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
 use crate::scene::{Requirements, Scene};
 use crate::transport::Contribution;
@@ -117,13 +116,12 @@ impl<'s> Work<'s> {
                 let half = (sample & 1) as usize;
                 let mut seen = PathSample::default();
                 for one in &found {
-                    let [diffuse, specular] =
-                        [one.diffuse, one.specular].map(|colour| weighted(colour, one.weight));
+                    let splat = Splat::from(one).weighted(one.weight);
                     if one.t > 1 {
-                        seen.diffuse += diffuse;
-                        seen.specular += specular;
+                        seen.diffuse += splat.diffuse;
+                        seen.specular += splat.specular;
                     } else {
-                        splats.push((half, Splat { raster: one.raster, diffuse, specular }));
+                        splats.push((half, splat));
                     }
                 }
                 tile.add(index, half, &seen, kept);
@@ -174,11 +172,6 @@ fn walk<'a, 's, S: Sampler>(
     workspace: &'a mut Workspace<'s>,
 ) -> Pair<'a, 's> {
     let raster = corner + sampler.next_2d();
-    let is_pinhole = scene.camera.aperture_radius() == 0.0;
-    let lens = if is_pinhole { Vec2::ZERO } else { sampler.next_2d() };
+    let lens = sampler.next_2d_if(scene.camera.has_lens());
     bdpt.walk(scene, raster, lens, sampler, workspace)
-}
-
-fn weighted(colour: Rgb, weight: f64) -> Rgb {
-    colour.map(|value| (f64::from(value) * weight) as f32)
 }

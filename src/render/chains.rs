@@ -27,10 +27,6 @@ const CHAINS_OF_TIME: u64 = 4096;
 /// costs to hand it out.
 const ROUND: u64 = 1 << 17;
 
-/// Mutations for each path-traced sample of direct light, where that is left to path tracing: a sample costs a tenth of a
-/// mutation, and Sobol points are good at it.
-const MUTATIONS_PER_DIRECT: u32 = 4;
-
 /// Mutations for each draw of the bootstrap: a draw costs about three mutations, and thus a fifth of the time.
 const MUTATIONS_PER_DRAW: u64 = 16;
 
@@ -191,11 +187,9 @@ impl<M: MarkovChains> Method for Chains<'_, M> {
             unit.half
         });
         self.mutations += mutations;
-        let wanted = (self.samples() / MUTATIONS_PER_DIRECT).max(2);
-        if let Some(direct) = &mut self.direct
-            && direct.samples() < wanted
-        {
-            direct.pass(wanted - direct.samples(), &|_| {});
+        let samples = self.samples();
+        if let Some(direct) = &mut self.direct {
+            direct.keep_up(samples);
         }
     }
 

@@ -22,9 +22,6 @@ const PASS: u64 = 1 << 20;
 const SHARE: usize = 64;
 const SHARES: usize = 256;
 
-/// Mutations for each path-traced sample of direct light, where that is left to path tracing.
-const MUTATIONS_PER_DIRECT: u32 = 4;
-
 /// A render by energy redistribution under way. Passes, one sample per pixel each, belong to the halves in turns.
 #[derive(Debug)]
 pub(super) struct Redistribution<'s> {
@@ -114,11 +111,8 @@ impl Method for Redistribution<'_> {
         }
         self.passes += 1;
         self.mutations += mutations;
-        let wanted = (self.mutations / MUTATIONS_PER_DIRECT).max(2);
-        if let Some(direct) = &mut self.direct
-            && direct.samples() < wanted
-        {
-            direct.pass(wanted - direct.samples(), &|_| {});
+        if let Some(direct) = &mut self.direct {
+            direct.keep_up(self.mutations);
         }
     }
 

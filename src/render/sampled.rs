@@ -11,6 +11,10 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+/// Mutations for each sample of direct light, where chains leave that to path tracing: a sample costs a tenth of a mutation,
+/// and Sobol points are good at it.
+const MUTATIONS_PER_DIRECT: u32 = 4;
+
 /// Edges of the paths of light of at most one bounce.
 const DIRECT: u32 = 2;
 
@@ -50,6 +54,14 @@ impl<'a> Sampled<'a> {
     /// Samples per pixel so far.
     pub(super) fn samples(&self) -> u32 {
         self.samples
+    }
+
+    /// Takes the samples that are due after so many mutations per pixel; at least one a half.
+    pub(super) fn keep_up(&mut self, mutations: u32) {
+        let due = (mutations / MUTATIONS_PER_DIRECT).max(2);
+        if self.samples < due {
+            self.pass(due - self.samples, &|_| {});
+        }
     }
 
     /// Takes so many more samples in each pixel. `progress` is called with the number of samples of the whole picture
@@ -148,7 +160,7 @@ fn walk<S: Sampler>(
 ) -> PathSample {
     let raster = Vec2::new(x as f32, y as f32) + sampler.next_2d();
     // A pinhole leaves the pair to the first bounce.
-    let lens = if scene.camera.aperture_radius() > 0.0 { sampler.next_2d() } else { Vec2::ZERO };
+    let lens = sampler.next_2d_if(scene.camera.has_lens());
     let ray = scene.camera.ray(raster, lens);
     path_tracing.trace_observed(scene, ray, sampler, observe)
 }

@@ -39,7 +39,7 @@ pub struct StrategyImage {
 /// The strategies, `[s, t]`, for paths of one to `longest` edges: length after length, in each by the vertices from the
 /// light. What is seen directly only the eye's walk finds; light walks into a lens of finite size only.
 pub fn strategies(scene: &Scene, bdpt: &Bdpt, longest: u32) -> Vec<[u32; 2]> {
-    let sees_lens = bdpt.strategies == Strategies::All && scene.camera.aperture_radius() > 0.0;
+    let sees_lens = bdpt.strategies == Strategies::All && scene.camera.has_lens();
     let exists = |&[s, t]: &[u32; 2]| match s + t {
         2 => s == 0,
         _ => (t > 0 || sees_lens) && (s < 2 || bdpt.strategies != Strategies::FromCamera),

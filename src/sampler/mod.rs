@@ -23,6 +23,11 @@ pub trait Sampler {
     /// The next two numbers, well distributed together.
     fn next_2d(&mut self) -> Vec2;
 
+    /// The next two numbers if the thing they choose exists, else zeros, for which no number is used up.
+    fn next_2d_if(&mut self, is_needed: bool) -> Vec2 {
+        if is_needed { self.next_2d() } else { Vec2::ZERO }
+    }
+
     /// Goes on with the first dimension of another walk, which the numbers taken so far do not shift: the same one in every
     /// sample. Independent numbers need nothing of the kind.
     fn begin_walk(&mut self, _walk: u16) {}

@@ -129,6 +129,11 @@ impl Camera {
         self.center.as_vec3()
     }
 
+    /// Is the aperture of finite size?
+    pub fn has_lens(&self) -> bool {
+        self.lens.is_some()
+    }
+
     /// Radius of the aperture; 0 for a pinhole.
     pub fn aperture_radius(&self) -> f32 {
         self.lens.map_or(0.0, |lens| lens.radius as f32)

@@ -32,7 +32,7 @@ impl Requirements {
             has_second_hit: scene.limits.max_depth.is_none_or(|depth| depth > 1),
             has_emitters: !scene.emitters.is_dark(),
             has_masks: scene.has_masks,
-            has_defocus: scene.camera.aperture_radius() > 0.0,
+            has_defocus: scene.camera.has_lens(),
             has_delta: used().any(|material| material.has_delta()),
         }
     }

@@ -1,8 +1,7 @@
 //! Every way of joining a walk from an emitter with one from the lens.
 
 use super::mis::{Heuristic, nearest_other, others, others_before, weight};
-use super::path::{Event, Path};
-use super::vertex::{LightVertex, Vertex};
+use super::vertex::LightVertex;
 use super::visibility::{shadow_ray_from, transmittance};
 use super::walk::{Subpath, colour};
 use crate::emitter::LightPoint;
@@ -71,6 +70,11 @@ pub struct Pair<'a, 's> {
     pub start: Option<LightVertex>,
 }
 
+/// Vertices nearer to each other than this are not connected: `1 / d²` is noise there (METHODS 14).
+pub fn nearest(scene: &Scene) -> f64 {
+    1e-10 * f64::from(scene.emitters.target().radius)
+}
+
 /// The direction and the geometry between two points.
 struct Edge {
     direction: Vec3,
@@ -82,8 +86,7 @@ impl Edge {
     fn between(scene: &Scene, from: Vec3, to: Vec3) -> Option<Self> {
         let span = to - from;
         let distance2 = span.as_dvec3().length_squared();
-        // Nearer than 1e-10 of the scene's radius, 1 / d² is noise (METHODS 14).
-        let nearest = 1e-10 * f64::from(scene.emitters.target().radius);
+        let nearest = nearest(scene);
         (distance2 > nearest * nearest && distance2.is_finite()).then(|| Self {
             direction: (span.as_dvec3() * distance2.sqrt().recip()).as_vec3(),
             distance2,
@@ -118,74 +121,6 @@ impl<'s> Pair<'_, 's> {
                 found.extend(self.through_lens(y));
             }
         }
-    }
-
-    /// The whole path of `s` light and `t` eye vertices, as a contribution names them; `None` where the walks have no such
-    /// path, or one without light.
-    pub fn path(&self, s: u32, t: u32) -> Option<Path<'s>> {
-        if t == 0 {
-            return self.path_through_lens(s as usize);
-        }
-        let (s, t) = (s as usize, t as usize);
-        let (mut vertices, mut events) = (Vec::with_capacity(s + t), Vec::with_capacity(s + t));
-        if s > 0 {
-            vertices.push(Vertex::Light(self.start?));
-            events.push(Event::Smooth);
-            for step in self.light.steps.get(..s - 1)? {
-                vertices.push(Vertex::Surface(step.surface.clone()));
-                events.push(step.event);
-            }
-            // Connected here, whatever the walk went on to do.
-            events[s - 1] = Event::Smooth;
-        }
-        let emitters = &self.scene.emitters;
-        for index in (0..t.checked_sub(1)?).rev() {
-            let is_last = index + 2 == t;
-            let vertex = match self.eye.steps.get(index) {
-                Some(step) if is_last && s == 0 => {
-                    let id = step.surface.emitter?;
-                    let point = emitters.surface_point(id, &step.surface.at);
-                    Vertex::Light(LightVertex { id, point })
-                }
-                Some(step) => Vertex::Surface(step.surface.clone()),
-                None => {
-                    let direction = self.eye.escape?.direction;
-                    let point = LightPoint::Infinite { direction, is_delta: false };
-                    Vertex::Light(LightVertex { id: emitters.environment_id()?, point })
-                }
-            };
-            vertices.push(vertex);
-            events.push(match self.eye.steps.get(index) {
-                Some(step) if !is_last => step.event,
-                _ => Event::Smooth,
-            });
-        }
-        let (raster, lens) = if t == 1 {
-            let Vertex::Surface(surface) = vertices.last()? else { return None };
-            (self.scene.camera.view(surface.at.position, self.lens)?.raster, self.lens)
-        } else {
-            (self.raster, self.lens)
-        };
-        let position = self.scene.camera.lens_point(lens);
-        vertices.push(Vertex::Lens { raster, lens, position });
-        events.push(Event::Smooth);
-        Path::new(self.scene, vertices, events)
-    }
-
-    /// The path of `s` vertices of the walk from the light, the last of which is on the lens.
-    fn path_through_lens(&self, s: usize) -> Option<Path<'s>> {
-        let steps = self.light.steps.get(..s.checked_sub(2)?)?;
-        let crossing = self.light.crossings.iter().find(|one| one.step + 1 == steps.len())?;
-        let lens = Vertex::Lens {
-            raster: crossing.view.raster,
-            lens: crossing.lens,
-            position: self.scene.camera.lens_point(crossing.lens),
-        };
-        let surfaces = steps.iter().map(|step| Vertex::Surface(step.surface.clone()));
-        let vertices = std::iter::once(Vertex::Light(self.start?)).chain(surfaces).chain([lens]);
-        let ends = [Event::Smooth];
-        let events = ends.into_iter().chain(steps.iter().map(|step| step.event)).chain(ends);
-        Path::new(self.scene, vertices.collect(), events.collect())
     }
 
     /// Density of raster points, uniform over the crop window, of rays in that direction, per steradian.

@@ -6,6 +6,7 @@
 //! Masks let rays pass without a vertex; connections carry their transmittance.
 
 pub mod connect;
+mod joined;
 pub mod mis;
 pub mod path;
 pub mod roulette;

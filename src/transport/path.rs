@@ -302,7 +302,7 @@ impl<'s> Path<'s> {
             raster_pdf: scene.camera.raster_pdf(towards_scene) * scene.film.crop_pdf(),
             lens_pdf: scene.camera.lens_pdf(),
             is_emitter_hittable: !emitters.is_delta(*id),
-            is_lens_hittable: scene.camera.aperture_radius() > 0.0,
+            is_lens_hittable: scene.camera.has_lens(),
         };
         let emitted = colour(emitters.emitted(*id, point, first));
         let mut product = [DVec3::ZERO, emitted];

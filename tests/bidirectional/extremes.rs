@@ -3,7 +3,7 @@
 
 use super::{AREA, GLASS, film, room, room_around};
 use crate::support::scenes::{
-    assert_equal_energy, assert_mean, layer, mean_and_error, render_finite, scene_around,
+    assert_equal_energy, assert_mean, layer, mean_and_error, render_finite, scaled, scene_around,
     scene_from, settings,
 };
 use quietlight::integrator::bdpt::{Bdpt, Workspace};
@@ -119,33 +119,11 @@ fn a_light_of_1e_minus_8_survives_next_to_one_of_1e8() {
     assert_mean(mean_and_error(&rendered), 2e-8, 0.03, "the dim sphere");
 }
 
-/// A small scene whose lengths are all multiplied by `scale`, moved by `offset` along x.
-fn scaled(scale: f64, offset: f64) -> Scene {
-    let (up, back, near, far) = (scale, 5.0 * scale, 0.01 * scale, 1e4 * scale);
-    scene_from(&format!(
-        r#"<scene version="3.0.0">
-        <integrator type="path"><integer name="max_depth" value="5"/></integrator>
-        <sensor type="perspective"><float name="fov" value="50"/>
-            <float name="near_clip" value="{near}"/><float name="far_clip" value="{far}"/>
-            <transform name="to_world"><lookat origin="{offset},{up},{back}" target="{offset},0,0" up="0,1,0"/></transform>
-            <film type="hdrfilm"><integer name="width" value="48"/><integer name="height" value="48"/>
-                <rfilter type="box"/></film></sensor>
-        <shape type="sphere"><transform name="to_world"><scale value="{scale}"/><translate x="{offset}"/></transform>
-            <bsdf type="roughplastic"/></shape>
-        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="4"/>
-            <translate y="-1"/><scale value="{scale}"/><translate x="{offset}"/></transform></shape>
-        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="3"/>
-            <scale value="{scale}"/><translate x="{offset}"/></transform>
-            <emitter type="area"><rgb name="radiance" value="5"/></emitter></shape>
-        </scene>"#
-    ))
-}
-
 #[test]
 fn a_scene_looks_the_same_at_every_scale_and_far_from_the_origin() {
-    let plain = render_finite(&scaled(1.0, 0.0), &bidirectional(64, 11));
+    let plain = render_finite(&scaled(48, 5, 1.0, 0.0), &bidirectional(64, 11));
     for (scale, offset) in [(1e-4, 0.0), (1e7, 0.0), (1.0, 1e6)] {
-        let other = render_finite(&scaled(scale, offset), &bidirectional(64, 12));
+        let other = render_finite(&scaled(48, 5, scale, offset), &bidirectional(64, 12));
         assert_equal_energy(&other, &plain, &format!("scale {scale}, offset {offset}"));
     }
 }

@@ -31,6 +31,30 @@ pub(crate) fn scene_from(text: &str) -> Scene {
     Scene::load(&file, &LoadOptions::default()).expect("the scene loads")
 }
 
+/// A small scene of a square film and paths of at most `max_depth` edges (−1: no limit), whose lengths are all multiplied by `scale`, moved by `offset` along x. A camera may not be scaled, so
+/// that its transform and its clipping planes are.
+pub(crate) fn scaled(size: u32, max_depth: i32, scale: f64, offset: f64) -> Scene {
+    let (up, back, near, far) = (scale, 5.0 * scale, 0.01 * scale, 1e4 * scale);
+    scene_from(&format!(
+        r#"<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="{max_depth}"/></integrator>
+        <sensor type="perspective"><float name="fov" value="50"/>
+            <float name="near_clip" value="{near}"/><float name="far_clip" value="{far}"/>
+            <transform name="to_world"><lookat origin="{offset},{up},{back}" target="{offset},0,0" up="0,1,0"/></transform>
+            <film type="hdrfilm"><integer name="width" value="{size}"/><integer name="height" value="{size}"/>
+                <rfilter type="box"/></film></sensor>
+        <shape type="sphere"><transform name="to_world"><scale value="{scale}"/><translate x="{offset}"/></transform>
+            <bsdf type="roughplastic"/></shape>
+        <shape type="cube"><transform name="to_world"><translate x="1.5" z="-2"/><scale value="{scale}"/>
+            <translate x="{offset}"/></transform><bsdf type="dielectric"/></shape>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="4"/>
+            <translate y="-1"/><scale value="{scale}"/><translate x="{offset}"/></transform></shape>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="3"/>
+            <scale value="{scale}"/><translate x="{offset}"/></transform>
+            <emitter type="area"><rgb name="radiance" value="5"/></emitter></shape>
+        </scene>"#
+    ))
+}
+
 /// Settings of a test render.
 pub(crate) fn settings(samples: u32, seed: u64, strategy: Strategy) -> RenderSettings {
     RenderSettings {

@@ -54,7 +54,7 @@ impl<'a> VisibilityRendering<'a> {
     ) -> (Rgb, Rgb) {
         let raster = Vec2::new(x as f32, y as f32) + sampler.next_2d();
         let camera = &self.scene.camera;
-        let lens = if camera.aperture_radius() > 0.0 { sampler.next_2d() } else { Vec2::ZERO };
+        let lens = sampler.next_2d_if(camera.has_lens());
         let ray = camera.ray(raster, lens);
         let sample = PathTracing::default().trace_without_direct(self.scene, ray, sampler, receive);
         (sample.diffuse, sample.specular)

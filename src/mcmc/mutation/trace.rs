@@ -6,14 +6,11 @@ use crate::geometry::Ray;
 use crate::math::Frame;
 use crate::sampler::Sampler;
 use crate::scene::Scene;
+use crate::transport::connect::nearest;
 use crate::transport::path::between;
 use crate::transport::{Event, LightVertex, Path, Side, Surface, Vertex};
 use glam::{Vec2, Vec3};
 use std::f64::consts::TAU;
-
-/// A vertex nearer to its neighbour than this part of the scene's radius is not connected with it: `1 / d²` is noise there
-/// (METHODS 14).
-const NEAREST: f64 = 1e-10;
 
 /// A walk that repeats the delta events of a path.
 pub(super) struct Walk<'a, 's, S> {
@@ -183,8 +180,7 @@ pub(super) fn smooth_before(path: &Path<'_>, i: usize) -> usize {
 /// May the edge from `x_i` to `x_{i+1}` be a connection? A function of the path alone, the same whichever way it was found.
 /// What is seen directly is left to walks from the eye.
 pub(super) fn is_connection(scene: &Scene, path: &Path<'_>, i: usize) -> bool {
-    let nearest = NEAREST * f64::from(scene.emitters.target().radius);
-    path.k() > 1 && path.is_connectable(i) && path.length(i) > nearest
+    path.k() > 1 && path.is_connectable(i) && path.length(i) > nearest(scene)
 }
 
 /// Checks the connections of a perturbed path and of the path that it came from: the one must be free, the other could have
