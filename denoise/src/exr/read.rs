@@ -232,6 +232,7 @@ fn assemble(path: &Path, found: Found) -> Result<Contents, Error> {
         height,
         samples: images.remove(&Part::Samples),
         invalid: images.remove(&Part::Invalid),
+        error: images.remove(&Part::Error),
         metadata,
         ..Default::default()
     };
