@@ -286,7 +286,7 @@ mod tests {
 
     /// Repeatable noise of variance 1, the sum of twelve uniform numbers less 6.
     fn noise(seed: u64) -> Image {
-        let mut state = seed;
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         Image::from_shape_simple_fn((3, SIZE, SIZE), || {
             let mut sum = -6.0;
             for _ in 0..12 {
@@ -327,13 +327,17 @@ mod tests {
 
     #[test]
     fn the_error_of_a_linear_filter_is_found_whether_it_is_noise_or_blur() {
-        // Noise rules at radius 1, blur at radius 4. The bias is seen through 27 648 products of noise of variance 0.01 in a
-        // half, each good to 0.01: 6e-5 of errors of 1e-3 and more, and filtered noise of 81 to 9 pixels that depend on each
-        // other is known to √(2 · 81/27 648) = 8 % at most. What is left is the denominator, which x² + error is for r².
+        // Noise rules at radius 1, blur at radius 4. The bias is seen through 27 648 products of noise, each of which has the
+        // standard deviation 0.01: 6e-5; three of these, and a tenth for r² in the denominator, which is not quite that of
+        // the model where a filter flattens waves.
         for (radius, seed) in [(1, 1), (2, 5), (4, 9)] {
             let (found, expected) = estimated(0.1, radius, seed);
-            let ratio = found.relative_l2 / expected;
-            assert!((ratio - 1.0).abs() < 0.15, "radius {radius}: {ratio} of {expected}");
+            let difference = (found.relative_l2 - expected).abs();
+            assert!(
+                difference < 3.0 * 6e-5 + 0.1 * expected,
+                "radius {radius}: {} for {expected}",
+                found.relative_l2
+            );
             assert!(found.interval[0] < expected && expected < found.interval[1], "{found:?}");
         }
     }
@@ -364,8 +368,10 @@ mod tests {
         beauty.halves.as_mut().unwrap()[0][[1, 40, 40]] = 1e3;
         let after = ErrorEstimate::from_halves(&denoised, [&a, &b], &layers, LINEAR);
         let [before, after] = [before, after].map(|found| found.unwrap().unwrap().relative_l2);
-        // Its product with the error of the other half, about 0.1, is 100 at one of 27 648 values, over 1.
-        assert!((after / before - 1.0).abs() < 0.5, "{before} {after}");
+        // Its product with the error of the other half, 0.1, is 100 at one of 27 648 values: 3.6e-3 for an error of 6.5e-4,
+        // and its square 0.01 of the squared picture. The product is not believed; what stays is the usual bias of a
+        // variance of 1.1e-3.
+        assert!(after < 4.0 * before, "{before} {after}");
     }
 
     #[test]

@@ -132,6 +132,9 @@ pub(super) struct Render {
     /// Also write the two independent halves of every layer
     #[arg(long)]
     pub(super) halves: bool,
+    /// Do not estimate the error of the denoised picture: that takes twice the time of denoising
+    #[arg(long)]
+    pub(super) no_estimate: bool,
     /// Brighten the PNG by this many stops
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub(super) exposure: f32,
@@ -164,6 +167,9 @@ pub(super) struct Denoise {
     /// Threads [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) threads: Option<u16>,
+    /// Do not estimate the error of the picture from the halves in the file: that takes twice the time of denoising
+    #[arg(long)]
+    pub(super) no_estimate: bool,
     /// Brighten the PNG by this many stops
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub(super) exposure: f32,
