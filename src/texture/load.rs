@@ -1,6 +1,7 @@
 //! Image files: PNG, JPEG and HDR by `image`, EXR by `exr`; linear Rec. 709 out of all of them.
 
 use crate::math::Rgb;
+use quietlight_denoise::picture::check_promise;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -113,7 +114,7 @@ impl Image {
             // Some writers sign with "#?RGBE": the reader need not look.
             let decoder = image::codecs::hdr::HdrDecoder::new_nonstrict(Cursor::new(bytes))
                 .map_err(|error| error.to_string())?;
-            return Self::decode_pixels(decoder, raw);
+            return Self::decode_pixels(decoder, bytes.len(), raw);
         }
         if bytes.starts_with(&[0xff, 0xd8]) && !has_jpeg_end(bytes) {
             return Err("the JPEG file is truncated: it has no end mark".to_owned());
@@ -125,14 +126,20 @@ impl Image {
             return Err("unknown image format; PNG, JPEG, HDR and EXR are known".to_owned());
         }
         let decoder = reader.into_decoder().map_err(|error| error.to_string())?;
-        Self::decode_pixels(decoder, raw)
+        Self::decode_pixels(decoder, bytes.len(), raw)
     }
 
-    fn decode_pixels(decoder: impl image::ImageDecoder, raw: bool) -> Result<Self, String> {
+    /// `length` is that of the file, in bytes.
+    fn decode_pixels(
+        decoder: impl image::ImageDecoder,
+        length: usize,
+        raw: bool,
+    ) -> Result<Self, String> {
         use image::DynamicImage;
 
         let (width, height) = decoder.dimensions();
         check_size(u64::from(width), u64::from(height))?;
+        check_promise(width, height, length)?;
         let pixels = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
         let linear = |stored: u16| {
             let stored = f32::from(stored) / 65535.0;
