@@ -3,6 +3,7 @@
 pub mod atomic;
 pub mod bilateral;
 pub mod blend;
+pub mod denoiser;
 pub mod error;
 mod exp;
 pub mod exr;
@@ -18,6 +19,7 @@ pub mod srgb;
 pub mod variance;
 mod window;
 
+pub use denoiser::{Denoised, Denoiser};
 pub use error::Error;
 pub use layers::{Image, Layer, LayerKind, Layers};
 

@@ -1,9 +1,8 @@
 //! `quietlight denoise`: buffers of this or another renderer in, a picture out.
 
 use super::args::Denoise;
-use super::denoising::Denoising;
 use super::render::{check_output, thread_pool};
-use super::{BadInput, Failure};
+use super::{BadInput, Failure, denoising};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Role, SeparateFile, WriteOptions};
 use quietlight_denoise::{LayerKind, png};
@@ -26,10 +25,10 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
         eprintln!("warning: channel {name} is not one that a denoiser uses; it is left out");
     }
     let threads = thread_pool(arguments.threads)?;
-    let denoiser = Denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
+    let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
     let Some(denoiser) = denoiser else { return Ok(()) };
     let start = Instant::now();
-    let denoised = denoiser.run(&layers, &threads).bad_input()?;
+    let denoised = denoising::run(&denoiser, &layers, &threads).bad_input()?;
     let seconds = start.elapsed().as_secs_f64();
     layers.metadata.extend(denoised.facts());
 
@@ -51,14 +50,14 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
             "height": layers.height,
             "layers": used,
             "denoise_seconds": seconds,
-            "denoiser": denoised.json(),
+            "denoiser": denoising::json(&denoised),
         });
         println!("{json:#}");
     } else {
         let (output, png) = (output.display(), png.display());
         println!(
             "{output} and {png}: denoised by {} in {seconds:.1} s from {}",
-            denoised.name,
+            denoised.by,
             used.join(", ")
         );
     }

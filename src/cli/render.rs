@@ -1,16 +1,15 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
 use super::args::{Render, Sampler, SceneArguments};
-use super::denoising::{Denoised, Denoising};
 use super::progress::{Progress, human};
 use super::strategies::Pyramid;
-use super::{BadInput, Failure, integrator, replay};
+use super::{BadInput, Failure, denoising, integrator, replay};
 use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, render};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
-use quietlight_denoise::{LayerKind, png};
+use quietlight_denoise::{Denoised, LayerKind, png};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,7 +35,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     heed_ctrl_c("finishing this pass, then writing what there is")?;
     let threads = thread_pool(arguments.threads)?;
     // Before the render, so that hours are not spent for a file that is not a network.
-    let denoiser = Denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
+    let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
 
     let (width, height) = (scene.film.crop[2], scene.film.crop[3]);
     let start = Instant::now();
@@ -59,7 +58,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let start = Instant::now();
     let denoised = match &denoiser {
         Some(denoiser) if !is_interrupted => {
-            Some(denoiser.run(&rendered.layers, &threads).map_err(Failure::Failed)?)
+            Some(denoising::run(denoiser, &rendered.layers, &threads).map_err(Failure::Failed)?)
         }
         _ => None,
     };
@@ -261,7 +260,7 @@ impl Outcome<'_> {
             noise.map_or("unknown with one sample".to_owned(), |noise| format!("{noise:.2e}"));
         let denoised = match (denoised, denoising) {
             (Some(denoised), Some(time)) => {
-                format!("denoised by {} in {:.1} s", denoised.name, time.as_secs_f64())
+                format!("denoised by {} in {:.1} s", denoised.by, time.as_secs_f64())
             }
             _ => "not denoised".to_owned(),
         };
@@ -287,7 +286,7 @@ impl Outcome<'_> {
             "invalid_samples": self.rendered.invalid_samples,
             "render_seconds": self.rendered.elapsed.as_secs_f64(),
             "denoise_seconds": self.denoising.map(|denoising| denoising.as_secs_f64()),
-            "denoiser": self.denoised.map(Denoised::json),
+            "denoiser": self.denoised.map(denoising::json),
             "samples_per_second": self.speed(),
             "estimated_noisy_relative_l2": self.noise,
             "facts": self.rendered.report.facts.iter().cloned().collect::<BTreeMap<_, _>>(),
