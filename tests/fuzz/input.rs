@@ -3,7 +3,7 @@
 //! The fuzz targets do so with whatever they find, the test `kept_inputs` with what they have found.
 
 use glam::{DMat4, DVec3, Vec3};
-use quietlight::emitter::environment::EnvironmentMap;
+use quietlight::emitter::EnvironmentMap;
 use quietlight::geometry::{Geometry, Part, Ray};
 use quietlight::integrator::{Bdpt, Integrator, PathTracing};
 use quietlight::render::{Budget, RenderSettings, render, replay};
