@@ -3,6 +3,7 @@
 mod bidirectional;
 mod chains;
 mod method;
+pub mod probe;
 mod redistribution;
 mod sampled;
 mod strategies;

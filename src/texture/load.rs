@@ -1,6 +1,8 @@
 //! Image files: PNG, JPEG and HDR by `image`, EXR by `exr`; linear Rec. 709 out of all of them.
 
 use crate::math::Rgb;
+use exr::image::{AnyChannel, FlatSamples};
+use quietlight_denoise::exr::decode;
 use quietlight_denoise::picture::check_promise;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -166,36 +168,27 @@ impl Image {
     /// The first flat layer: its channels `R G B`, or else `Y`, or else its only channel. Its size is that of the data
     /// window.
     fn decode_exr(bytes: &[u8]) -> Result<Self, String> {
-        use exr::prelude::{ReadChannels, ReadLayers, read};
-
-        let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)
+        let image = decode(|| Ok(Cursor::new(bytes)), bytes.len() as u64)
             .map_err(|error| error.to_string())?;
-        for header in &meta.headers {
-            let size = header.layer_size;
-            check_size(size.width() as u64, size.height() as u64)?;
-        }
-        let image = read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .all_channels()
-            .first_valid_layer()
-            .all_attributes()
-            .from_buffered(Cursor::new(bytes))
-            .map_err(|error| error.to_string())?;
-
-        let (width, height) = (image.layer_data.size.width(), image.layer_data.size.height());
-        let channels = &image.layer_data.channel_data.list;
+        let Some(layer) = image.layer_data.first() else {
+            return Err("expected an image of flat pixels, found none".to_owned());
+        };
+        let (width, height) = (layer.size.width(), layer.size.height());
+        check_size(width as u64, height as u64)?;
+        let channels = &layer.channel_data.list;
+        let full = |channel: &&AnyChannel<FlatSamples>| channel.sampling == exr::math::Vec2(1, 1);
         let channel = |name: &str| {
-            let channel = channels.iter().find(|channel| channel.name.eq(name))?;
-            let full = channel.sampling == exr::math::Vec2(1, 1);
-            full.then(|| channel.sample_data.values_as_f32())
+            let channel = channels.iter().filter(full).find(|channel| channel.name.eq(name))?;
+            Some(channel.sample_data.values_as_f32())
         };
         let texels = if let (Some(r), Some(g), Some(b)) = (channel("R"), channel("G"), channel("B"))
         {
             Texels::Rgb(r.zip(g).zip(b).map(|((r, g), b)| Rgb::new(r, g, b)).collect())
         } else if let Some(y) = channel("Y") {
             Texels::Gray(y.collect())
-        } else if let [only] = channels.as_slice() {
+        } else if let [only] = channels.as_slice()
+            && full(&only)
+        {
             Texels::Gray(only.sample_data.values_as_f32().collect())
         } else {
             let names: Vec<String> =
