@@ -7,6 +7,7 @@ pub mod probe;
 mod redistribution;
 mod sampled;
 mod strategies;
+pub mod survey;
 mod units;
 mod visibility;
 

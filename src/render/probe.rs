@@ -5,6 +5,7 @@ use super::sampled::Sampled;
 use super::{Budget, FEATURE_SAMPLES, RenderSettings};
 use crate::film::Film;
 use crate::scene::{Requirements, Scene};
+use quietlight_denoise::{Denoiser, Error, Layers};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -89,6 +90,60 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
         bytes: film + layer_bytes(pixels, &requirements) + 2 * 6 * 24 * pixels,
         uncertainty: rounds.uncertainty,
     }
+}
+
+/// What taking the noise out costs in wall time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DenoisingCost {
+    /// Seconds before the first pixel: networks are made ready.
+    pub fixed_seconds: f64,
+    /// Seconds of a pixel.
+    pub seconds_per_pixel: f64,
+}
+
+impl DenoisingCost {
+    /// Seconds for so many pixels.
+    pub fn seconds(&self, pixels: u64) -> f64 {
+        self.fixed_seconds + self.seconds_per_pixel * pixels as f64
+    }
+}
+
+/// Denoises a small and a larger part of the middle of the picture, at two samples per pixel. Like
+/// [`Denoiser::denoise`], it must not be called by one of rayon's workers.
+///
+/// # Errors
+/// As [`Denoiser::denoise`].
+pub fn denoising(
+    scene: &Scene,
+    settings: &RenderSettings,
+    denoiser: &Denoiser,
+    threads: &rayon::ThreadPool,
+) -> Result<DenoisingCost, Error> {
+    let time = |layers: &Layers| -> Result<f64, Error> {
+        let start = Instant::now();
+        denoiser.denoise(layers, threads, &|_| {})?;
+        Ok(start.elapsed().as_secs_f64())
+    };
+    let of = |side: u32| threads.install(|| middle(scene, settings, side));
+    let (small, large) = (of(32), of(256));
+    // Once cold, once warm.
+    let (cold, warm, longer) = (time(&small)?, time(&small)?, time(&large)?);
+    let pixels = |layers: &Layers| (layers.width * layers.height) as f64;
+    let more = pixels(&large) - pixels(&small);
+    let seconds_per_pixel =
+        if more > 0.0 { (longer - warm).max(0.0) / more } else { longer / pixels(&large) };
+    let fixed_seconds = (cold - seconds_per_pixel * pixels(&small)).max(0.0);
+    Ok(DenoisingCost { fixed_seconds, seconds_per_pixel })
+}
+
+/// The layers of a square in the middle of the picture, or of all of a smaller one, at two samples per pixel.
+pub fn middle(scene: &Scene, settings: &RenderSettings, side: u32) -> Layers {
+    let [left, top, width, height] = scene.film.crop;
+    let size = [width.min(side), height.min(side)];
+    let crop = [left + (width - size[0]) / 2, top + (height - size[1]) / 2, size[0], size[1]];
+    let mut sampled = Sampled::of_crop(scene, settings, crop);
+    sampled.pass(2, &|_| {});
+    sampled.layers()
 }
 
 /// Mean, variance and two halves of each number that the film keeps, in single precision.

@@ -198,6 +198,17 @@ impl Image {
         Ok(Self::new(width as u32, height as u32, texels, true))
     }
 
+    /// Memory of its texels, in bytes.
+    pub fn bytes(&self) -> u64 {
+        let bytes = match &self.texels {
+            Texels::Gray8(values) => size_of_val(&**values),
+            Texels::Rgb8(values) => size_of_val(&**values),
+            Texels::Gray(values) => size_of_val(&**values),
+            Texels::Rgb(values) => size_of_val(&**values),
+        };
+        bytes as u64
+    }
+
     /// Has each texel one value only?
     pub fn is_gray(&self) -> bool {
         matches!(self.texels, Texels::Gray8(_) | Texels::Gray(_))
