@@ -282,6 +282,17 @@ pub(super) enum DatasetVerb {
 pub(super) struct Inspect {
     #[command(flatten)]
     pub(super) scene: SceneArguments,
+    /// Leave out what the render will cost, which takes a second or a few to find out
+    #[arg(long)]
+    pub(super) no_probe: bool,
+    /// The denoiser whose cost is told
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) denoiser: Denoiser,
+    #[command(flatten)]
+    pub(super) networks: Networks,
+    /// Threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
     /// Print the facts as JSON
     #[arg(long)]
     pub(super) json: bool,

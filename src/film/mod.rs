@@ -118,15 +118,16 @@ impl Film {
         Self { settings, kept, layers, tiles }
     }
 
+    /// How many numbers a film with these layers keeps of each pixel.
+    pub fn numbers(requirements: &Requirements) -> usize {
+        let kept = CHANNELS.iter().filter(|(kind, _)| requirements.needs(*kind));
+        kept.map(|&(_, channels)| channels).sum()
+    }
+
     /// Bytes that a film of this size and these layers takes.
     pub fn bytes(settings: FilmSettings, requirements: &Requirements) -> u64 {
-        let kept: usize = CHANNELS
-            .iter()
-            .filter(|(kind, _)| requirements.needs(*kind))
-            .map(|&(_, channels)| channels)
-            .sum();
-        let pixels = u64::from(settings.crop[2]) * u64::from(settings.crop[3]);
-        pixels * (kept * size_of::<Sums>() + size_of::<Counts>()) as u64
+        let of_pixel = Self::numbers(requirements) * size_of::<Sums>() + size_of::<Counts>();
+        settings.crop_pixels() * of_pixel as u64
     }
 
     /// The tiles and the list of kept numbers, for workers that each fill one tile.

@@ -3,9 +3,11 @@
 mod bidirectional;
 mod chains;
 mod method;
+pub mod probe;
 mod redistribution;
 mod sampled;
 mod strategies;
+pub mod survey;
 mod units;
 mod visibility;
 

@@ -4,6 +4,7 @@ mod build;
 pub mod camera;
 mod change;
 mod error;
+mod inventory;
 pub mod material;
 pub mod mesh_file;
 mod model;
@@ -18,6 +19,7 @@ pub use camera::{Camera, CameraError, FovAxis, LensHit, LensView, Perspective};
 pub use change::Changes;
 pub use error::{Location, SceneError};
 pub use material::{Material, MaterialId};
+pub use inventory::{ImageFacts, Inventory};
 pub use requirements::Requirements;
 
 use crate::emitter::{EmitterId, Emitters};
