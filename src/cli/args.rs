@@ -104,9 +104,13 @@ pub(super) struct Render {
     /// Samples per pixel, instead of the scene's: paths, or mutations of Markov chains
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub(super) spp: Option<u32>,
-    /// Render for this long instead, such as 30s, 2.5m or 1h
+    /// Be done after this long, denoising and writing included, such as 30s, 2.5m or 1h
     #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "spp")]
     pub(super) time: Option<Duration>,
+    /// Stop when the estimated relative L2 of the picture, denoised if it is, is at most this; --spp or --time are then the
+    /// most that is spent [default: 65536 samples per pixel]
+    #[arg(long, value_name = "ERROR", value_parser = target, conflicts_with = "no_estimate")]
+    pub(super) target_error: Option<f64>,
     /// What takes the noise out
     #[arg(long, value_enum, default_value_t)]
     pub(super) denoiser: Denoiser,
@@ -426,6 +430,13 @@ fn noise(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|noise: &f64| *noise >= 0.0 && noise.is_finite())
         .ok_or_else(|| "expected zero or a positive number, such as 0.001".to_owned())
+}
+
+fn target(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|error: &f64| *error > 0.0 && error.is_finite())
+        .ok_or_else(|| "expected a positive number, such as 0.005".to_owned())
 }
 
 fn factor(text: &str) -> Result<f32, String> {

@@ -10,9 +10,11 @@ mod doctor;
 mod inspect;
 mod integrator;
 mod letters;
+mod outcome;
 mod progress;
 mod render;
 mod replay;
+mod spending;
 mod strategies;
 
 use args::{Arguments, Command};

@@ -8,12 +8,14 @@ mod redistribution;
 mod sampled;
 mod strategies;
 pub mod survey;
+mod target;
 mod units;
 mod visibility;
 
 pub use method::Report;
 pub use sampled::replay;
 pub use strategies::{StrategyImage, strategies, strategy_images};
+pub use target::{Ending, Target};
 
 use crate::integrator::Integrator;
 use crate::scene::Scene;
@@ -204,9 +206,12 @@ impl<'a> Rendering<'a> {
             Budget::Time(_) => u32::MAX,
         };
         while method.samples() < most && !stop.load(Ordering::Relaxed) {
+            let round = Instant::now();
             method.round(most);
             progress(method.done());
-            if matches!(budget, Budget::Time(time) if clock.elapsed() >= time) {
+            // A round more would end later than now is early.
+            let next = clock.elapsed() + round.elapsed() / 2;
+            if matches!(budget, Budget::Time(time) if next >= time) {
                 break;
             }
         }
