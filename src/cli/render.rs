@@ -3,8 +3,9 @@
 use super::args::{Render, Sampler, SceneArguments};
 use super::progress::{Progress, human};
 use super::strategies::Pyramid;
+use super::keep::Keeper;
 use super::{BadInput, Failure, denoising, integrator, replay};
-use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, render};
+use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, check_memory};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
@@ -30,6 +31,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         }
         return replay::run(&scene, &settings, [x, y], sample);
     }
+    check_memory(&scene, &settings).bad_input()?;
     let output = output_path(arguments)?;
     let pyramid = Pyramid::prepare(arguments.strategies.as_deref(), &settings)?;
     heed_ctrl_c("finishing this pass, then writing what there is")?;
@@ -42,6 +44,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let progress = match settings.budget {
         Budget::Samples(samples) => {
             let total = u64::from(width) * u64::from(height) * u64::from(samples);
+            let total = total.div_ceil(u64::from(settings.shard.count()));
             Progress::new("render", "samples", total)
         }
         Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
@@ -50,8 +53,14 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         Budget::Samples(_) => progress.at(done),
         Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
     };
-    let mut rendered = threads.install(|| render(&scene, &settings, &show, &STOP));
+    let keeper = Keeper::new(arguments, &output, notes(arguments, &scene, &settings));
+    let Some(mut rendering) = keeper.begin(&scene, &settings, &threads)? else { return Ok(()) };
+    keeper.run(&mut rendering, settings.budget, &threads, &show)?;
     progress.finish();
+    if keeper.is_part() {
+        return keeper.finish_part(&rendering);
+    }
+    let mut rendered = rendering.finish();
 
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
     let is_interrupted = STOP.load(Ordering::Relaxed);
@@ -64,7 +73,10 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     };
     let denoising = denoised.as_ref().map(|_| start.elapsed());
 
-    describe(&mut rendered, arguments, &settings, threads.current_num_threads());
+    let threads_used = ("threads".to_owned(), threads.current_num_threads().to_string());
+    rendered.layers.metadata.extend(keeper.notes().clone());
+    rendered.layers.metadata.extend([threads_used]);
+    describe(&mut rendered);
     if let Some(denoised) = &denoised {
         rendered.layers.metadata.extend(denoised.facts());
     }
@@ -106,7 +118,11 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     } else {
         outcome.print();
     }
-    if is_interrupted { Err(Failure::Interrupted) } else { Ok(()) }
+    if is_interrupted {
+        return Err(Failure::Interrupted);
+    }
+    keeper.forget();
+    Ok(())
 }
 
 /// Loads a scene and tells its warnings.
@@ -134,6 +150,7 @@ fn settings(arguments: &Render, scene: &Scene) -> RenderSettings {
             Sampler::Independent => SamplerKind::Independent,
         },
         integrator: integrator::of(arguments, scene),
+        shard: arguments.shard,
         ..RenderSettings::default()
     }
 }
@@ -167,16 +184,14 @@ pub(super) fn check_output(path: &Path) -> Result<(), Failure> {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     };
-    match folder.metadata() {
-        Ok(facts) if facts.is_dir() && !facts.permissions().readonly() => Ok(()),
-        Ok(_) => {
-            Err(anyhow::anyhow!("{} is not a folder that can be written to", folder.display()))
-                .bad_input()
-        }
-        Err(error) => Err(error)
-            .with_context(|| format!("cannot write into {}", folder.display()))
-            .bad_input(),
+    if folder.metadata().is_ok_and(|facts| !facts.is_dir()) {
+        return Err(anyhow::anyhow!("{} is not a folder", folder.display())).bad_input();
     }
+    // Only an attempt tells: permissions, a disk that is mounted to be read, one without a free inode.
+    tempfile::tempfile_in(folder)
+        .map(|_| ())
+        .with_context(|| format!("cannot write into {}", folder.display()))
+        .bad_input()
 }
 
 /// The first Ctrl-C sets [`STOP`] and says what happens now; the second ends the process at once.
@@ -199,13 +214,12 @@ pub(super) fn thread_pool(threads: Option<u16>) -> Result<rayon::ThreadPool, Fai
         .map_err(Failure::Failed)
 }
 
-/// Writes down how the picture was made.
-fn describe(
-    rendered: &mut Rendered,
+/// What is known of the picture before it is made.
+fn notes(
     arguments: &Render,
+    scene: &Scene,
     settings: &RenderSettings,
-    threads: usize,
-) {
+) -> BTreeMap<String, String> {
     let facts = [
         ("scene", arguments.scene.scene.display().to_string()),
         ("integrator", settings.integrator.name().to_owned()),
@@ -213,11 +227,18 @@ fn describe(
         ("strategy", format!("{:?}", settings.integrator.path_tracing().strategy)),
         ("sampler", format!("{:?}", settings.sampler)),
         ("seed", settings.seed.to_string()),
+        ("scene_identity", scene.identity()),
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    facts.map(|(name, value)| (name.to_owned(), value)).into()
+}
+
+/// Writes down what came of it.
+pub(super) fn describe(rendered: &mut Rendered) {
+    let facts = [
         ("samples", rendered.samples.to_string()),
         ("invalid_samples", rendered.invalid_samples.to_string()),
         ("seconds", format!("{:.3}", rendered.elapsed.as_secs_f64())),
-        ("threads", threads.to_string()),
-        ("version", env!("CARGO_PKG_VERSION").to_owned()),
     ];
     rendered.layers.metadata.extend(facts.map(|(name, value)| (name.to_owned(), value)));
     rendered.layers.metadata.extend(rendered.report.facts.iter().cloned());
