@@ -1,13 +1,13 @@
 //! What a render has found survives: it goes on elsewhere, in parts, and with other seeds, and the picture is the same.
 
 use crate::determinism::methods;
-use crate::support::scenes::{render_finite, scene_around, scene_from, settings};
+use crate::support::scenes::{render_finite, scene_around, settings};
 use quietlight::integrator::{Integrator, PathTracing, Strategy};
 use quietlight::render::{
     Average, AverageError, Budget, NotEnoughMemory, RenderSettings, Rendered, Rendering, Shard,
     State, StateError, check_memory,
 };
-use quietlight::scene::Scene;
+use quietlight::scene::{FilmSettings, Scene};
 use quietlight_denoise::exr::{Contents, Frame};
 use quietlight_denoise::{LayerKind, Layers};
 use std::path::{Path, PathBuf};
@@ -68,13 +68,13 @@ fn a_render_that_is_ended_and_resumed_over_and_over_is_the_one_that_was_not() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("picture.checkpoint");
     for integrator in all_methods() {
-        // Enough for several rounds of each method: 576 pixels make 590 000 mutations, rounds of 131 072; 64 passes of
-        // energy redistribution; 32 rounds of hits.
+        // Enough for several rounds of each method: 576 pixels make 576 000 mutations in rounds of 131 072, or
+        // passes of 16 for each; rounds of 256 samples; rounds of 8 hits in each half.
         let samples = match integrator {
             Integrator::Path(_) => 21,
-            Integrator::Bdpt(_) => 300,
+            Integrator::Bdpt(_) => 1100,
             Integrator::Visibility(_) => 64,
-            _ => 700,
+            _ => 1000,
         };
         let settings = of(integrator, samples);
         let whole = render_finite(&scene, &settings);
@@ -280,15 +280,17 @@ fn pictures_of_other_seeds_average_by_their_samples() {
     for (kind, layer) in &found.layers {
         let check = |found: f32, expected: f64, what: &str| {
             let error = (f64::from(found) - expected).abs();
-            assert!(error <= 1e-6 * expected.abs() + 1e-12, "{what} of {kind:?}: {found} {expected}");
+            assert!(
+                error <= 1e-6 * expected.abs() + 1e-12,
+                "{what} of {kind:?}: {found} {expected}"
+            );
         };
         let (a, b) = (&a[kind], &b[kind]);
         let [va, vb] = [a, b].map(|layer| layer.variance.as_ref().expect("a variance"));
         let [ha, hb] = [a, b].map(|layer| layer.halves.as_ref().expect("halves"));
         for (at, &mean) in layer.mean.indexed_iter() {
-            let of = |x: f32, y: f32, [m, n]: [f64; 2]| {
-                (m * f64::from(x) + n * f64::from(y)) / (m + n)
-            };
+            let of =
+                |x: f32, y: f32, [m, n]: [f64; 2]| (m * f64::from(x) + n * f64::from(y)) / (m + n);
             check(mean, of(a.mean[at], b.mean[at], [5.0, 11.0]), "mean");
             let halves = layer.halves.as_ref().expect("halves");
             // Of five samples three are of even index.
@@ -308,12 +310,8 @@ fn pictures_of_other_seeds_are_as_good_as_one_longer_render_and_say_so() {
     let reference = &reference.layers.layers[&LayerKind::Beauty].mean;
     let judge = |layers: &Layers| {
         let layer = &layers.layers[&LayerKind::Beauty];
-        let squared: f64 = layer
-            .mean
-            .iter()
-            .zip(reference)
-            .map(|(x, r)| f64::from((x - r) * (x - r)))
-            .sum();
+        let squared: f64 =
+            layer.mean.iter().zip(reference).map(|(x, r)| f64::from((x - r) * (x - r))).sum();
         let told: f64 =
             layer.variance.as_ref().expect("a variance").iter().map(|&v| f64::from(v)).sum();
         let halves = layer.halves.as_ref().expect("halves");
@@ -353,11 +351,8 @@ fn pictures_of_the_same_seed_or_of_something_else_are_refused() {
             contents.layers.metadata.insert(name.to_owned(), value.to_owned());
         }
     };
-    let same = AverageError::SameSeed {
-        name: "b.exr".into(),
-        other: "a.exr".into(),
-        seed: "1".into(),
-    };
+    let same =
+        AverageError::SameSeed { name: "b.exr".into(), other: "a.exr".into(), seed: "1".into() };
     assert_eq!(added(&set("seed", "7, 1")), same);
     for fact in ["scene_identity", "integrator_settings", "strategy", "integrator", "version"] {
         let error = added(&set(fact, "other")).to_string();
@@ -376,21 +371,19 @@ fn pictures_of_the_same_seed_or_of_something_else_are_refused() {
 
 #[test]
 fn a_picture_that_cannot_be_held_is_refused_with_its_size() {
-    let huge = |width: u32, height: u32| {
-        scene_from(&format!(
-            r#"<scene version="3.0.0"><sensor type="perspective"><film type="hdrfilm">
-            <integer name="width" value="{width}"/><integer name="height" value="{height}"/></film></sensor>
-            <emitter type="constant"/></scene>"#
-        ))
+    let huge = |size: u32| {
+        let mut scene = scene_around(16, 60.0, 6, r#"<emitter type="constant"/>"#);
+        scene.film = FilmSettings { width: size, height: size, crop: [0, 0, size, size] };
+        scene
     };
     for integrator in all_methods() {
         let settings = of(integrator, 1);
-        let error = check_memory(&huge(60_000, 60_000), &settings).expect_err("terabytes");
+        let error = check_memory(&huge(60_000), &settings).expect_err("terabytes");
         assert!(matches!(error, NotEnoughMemory::Picture { needed, .. } if needed > 1 << 40));
         assert!(error.to_string().contains("60000x60000 pixels takes about"), "{error}");
-        assert_eq!(check_memory(&huge(16, 16), &settings), Ok(()));
+        assert_eq!(check_memory(&huge(16), &settings), Ok(()));
     }
-    let mut cropped = huge(1_000_000, 1_000_000);
+    let mut cropped = huge(1_000_000);
     cropped.film.crop = [0, 0, 16, 16];
     let error = check_memory(&cropped, &of(PathTracing::default().into(), 1));
     assert!(matches!(error, Err(NotEnoughMemory::Film { .. })), "{error:?}");

@@ -29,7 +29,9 @@ fn rendered<'a>(
 }
 
 fn luminance(sums: &PixelSums) -> f64 {
-    (0..3).map(|c| f64::from(LUMINANCE[c]) * (sums.diffuse[c].value() + sums.specular[c].value())).sum()
+    (0..3)
+        .map(|c| f64::from(LUMINANCE[c]) * (sums.diffuse[c].value() + sums.specular[c].value()))
+        .sum()
 }
 
 /// Means over square blocks of pixels.

@@ -79,9 +79,8 @@ fn publish(file: &File, target: &Path, builder: &tempfile::Builder<'_, '_>) -> i
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
     let origin = format!("/proc/self/fd/{}", file.as_raw_fd());
-    let named = builder.make_in(folder, |path| {
-        Ok(linkat(CWD, &origin, CWD, path, AtFlags::SYMLINK_FOLLOW)?)
-    })?;
+    let named = builder
+        .make_in(folder, |path| Ok(linkat(CWD, &origin, CWD, path, AtFlags::SYMLINK_FOLLOW)?))?;
     named.persist(target).map_err(|error| error.error)?;
     Ok(())
 }

@@ -19,6 +19,7 @@ const TICK: Duration = Duration::from_millis(20);
 pub(super) struct Keeper {
     every: Option<Duration>,
     is_resumed: bool,
+    is_json: bool,
     shard: Shard,
     /// What a render under way is kept in.
     checkpoint: PathBuf,
@@ -29,11 +30,7 @@ pub(super) struct Keeper {
 
 impl Keeper {
     /// Of a render to `output`; `notes` go into every file that is kept.
-    pub(super) fn new(
-        arguments: &Render,
-        output: &Path,
-        notes: BTreeMap<String, String>,
-    ) -> Self {
+    pub(super) fn new(arguments: &Render, output: &Path, notes: BTreeMap<String, String>) -> Self {
         let shard = arguments.shard;
         let of_shard = match shard.count() {
             1 => String::new(),
@@ -42,6 +39,7 @@ impl Keeper {
         Self {
             every: arguments.checkpoint.0,
             is_resumed: arguments.resume,
+            is_json: arguments.json,
             shard,
             checkpoint: output.with_extension(format!("{of_shard}checkpoint")),
             part: output.with_extension(format!("{of_shard}shard")),
@@ -69,8 +67,11 @@ impl Keeper {
         let checkpoint = self.checkpoint.display();
         if self.is_resumed && self.is_part() && self.part.exists() {
             let header = Header::read(&self.part).bad_input()?;
-            header.check(scene, settings).with_context(|| self.part.display().to_string()).bad_input()?;
-            println!("{}: done already", self.part.display());
+            header
+                .check(scene, settings)
+                .with_context(|| self.part.display().to_string())
+                .bad_input()?;
+            self.tell_part(header.elapsed, "done already");
             return Ok(None);
         }
         if !self.checkpoint.exists() {
@@ -89,7 +90,9 @@ impl Keeper {
         let seconds = state.header.elapsed.as_secs_f64();
         let rendering = threads
             .install(|| Rendering::resume(scene, settings, state))
-            .with_context(|| format!("cannot go on from {checkpoint}; without --resume, it begins anew"))
+            .with_context(|| {
+                format!("cannot go on from {checkpoint}; without --resume, it begins anew")
+            })
             .bad_input()?;
         let samples = rendering.samples();
         eprintln!("going on from {checkpoint}: {samples} samples per pixel in {seconds:.1} s");
@@ -151,13 +154,26 @@ impl Keeper {
         self.write(rendering, &self.part)
             .with_context(|| format!("cannot write {}", self.part.display()))?;
         self.forget();
-        println!(
-            "{}: part {} of the samples; `quietlight merge` makes the picture out of all {}",
-            self.part.display(),
-            self.shard,
-            self.shard.count()
-        );
+        self.tell_part(rendering.state().header.elapsed, "done");
         Ok(())
+    }
+
+    fn tell_part(&self, elapsed: Duration, how: &str) {
+        let (part, seconds) = (self.part.display(), elapsed.as_secs_f64());
+        let (index, count) = (self.shard.index(), self.shard.count());
+        if self.is_json {
+            let json = serde_json::json!({
+                "part": self.part,
+                "index": index,
+                "count": count,
+                "render_seconds": seconds,
+            });
+            println!("{json:#}");
+        } else {
+            println!(
+                "{part}: part {index} of {count} is {how}, in {seconds:.1} s; `quietlight merge` makes the picture of all"
+            );
+        }
     }
 
     /// Takes the checkpoint away, once the picture is written.

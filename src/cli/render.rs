@@ -1,9 +1,9 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
 use super::args::{Render, Sampler, SceneArguments};
+use super::keep::Keeper;
 use super::progress::{Progress, human};
 use super::strategies::Pyramid;
-use super::keep::Keeper;
 use super::{BadInput, Failure, denoising, integrator, replay};
 use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, check_memory};
 use crate::scene::{LoadOptions, Scene};
@@ -215,11 +215,7 @@ pub(super) fn thread_pool(threads: Option<u16>) -> Result<rayon::ThreadPool, Fai
 }
 
 /// What is known of the picture before it is made.
-fn notes(
-    arguments: &Render,
-    scene: &Scene,
-    settings: &RenderSettings,
-) -> BTreeMap<String, String> {
+fn notes(arguments: &Render, scene: &Scene, settings: &RenderSettings) -> BTreeMap<String, String> {
     let facts = [
         ("scene", arguments.scene.scene.display().to_string()),
         ("integrator", settings.integrator.name().to_owned()),

@@ -19,9 +19,9 @@ mod seed;
 mod space;
 mod variation;
 
+pub use crate::render::Shard;
 pub use make::{Job, Outcome, Plan};
 pub use manifest::{Manifest, Record, Settings, View};
-pub use crate::render::Shard;
 
 use std::path::{Path, PathBuf};
 

@@ -219,8 +219,8 @@ impl Film {
                     let centre = whole.value() / n;
                     mean[at] = (centre + shift[channel]) as f32;
                     if n > 1.0 {
-                        variance[at] =
-                            ((sum.squares.value() / n - centre * centre).max(0.0) / (n - 1.0)) as f32;
+                        variance[at] = ((sum.squares.value() / n - centre * centre).max(0.0)
+                            / (n - 1.0)) as f32;
                     }
                     let half = |sum: f64, n: f64| if n > 0.0 { sum / n } else { centre };
                     a[at] = (half(sum_a, na) + shift[channel]) as f32;

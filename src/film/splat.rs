@@ -175,7 +175,8 @@ impl SplatFilm {
 
     /// Sum of all colours of all splats kept.
     pub fn total(&self) -> f64 {
-        let sums = |pixel: &Pixel| pixel.half.as_flattened().iter().map(|sum| sum.value()).sum::<f64>();
+        let sums =
+            |pixel: &Pixel| pixel.half.as_flattened().iter().map(|sum| sum.value()).sum::<f64>();
         self.pixels.iter().map(sums).sum()
     }
 

@@ -17,7 +17,9 @@ const ADDED: [&str; 3] = ["samples", "invalid_samples", "seconds"];
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AverageError {
     /// It does not say what is to be known of it.
-    #[error("{name} does not tell its {fact}: it was not written by `quietlight render` of this version")]
+    #[error(
+        "{name} does not tell its {fact}: it was not written by `quietlight render` of this version"
+    )]
     Unknown {
         /// The picture.
         name: String,
@@ -25,7 +27,9 @@ pub enum AverageError {
         fact: &'static str,
     },
     /// Two pictures of the same random numbers are not independent.
-    #[error("{name} and {other} have the same seed, {seed}: their noise is the same, and would not average out")]
+    #[error(
+        "{name} and {other} have the same seed, {seed}: their noise is the same, and would not average out"
+    )]
     SameSeed {
         /// A picture.
         name: String,
@@ -134,10 +138,8 @@ impl Average {
             let ((x, y), (columns, rows)) = (frame.offset, frame.display);
             format!("{width}x{height} at {x},{y} of {columns}x{rows}")
         };
-        let (is, expected) = (
-            size(layers.width, layers.height, &frame),
-            size(self.width, self.height, &self.frame),
-        );
+        let (is, expected) =
+            (size(layers.width, layers.height, &frame), size(self.width, self.height, &self.frame));
         if is != expected {
             return Err(differs("size", is, expected));
         }
@@ -180,18 +182,18 @@ impl Average {
         for (kind, layer) in &layers.layers {
             let Some(sums) = self.layers.get_mut(kind) else { continue };
             add_weighted(&mut sums.mean, &layer.mean, &weight, |n| n);
-            sums.variance = sums.variance.take().zip(layer.variance.as_ref()).map(
-                |(mut sum, variance)| {
+            sums.variance =
+                sums.variance.take().zip(layer.variance.as_ref()).map(|(mut sum, variance)| {
                     add_weighted(&mut sum, variance, &weight, |n| n * n);
                     sum
-                },
-            );
-            sums.halves = sums.halves.take().zip(layer.halves.as_ref()).map(|(mut sums, halves)| {
-                for ((sum, half), weight) in sums.iter_mut().zip(halves).zip(&of_half) {
-                    add_weighted(sum, half, weight, |n| n);
-                }
-                sums
-            });
+                });
+            sums.halves =
+                sums.halves.take().zip(layer.halves.as_ref()).map(|(mut sums, halves)| {
+                    for ((sum, half), weight) in sums.iter_mut().zip(halves).zip(&of_half) {
+                        add_weighted(sum, half, weight, |n| n);
+                    }
+                    sums
+                });
             if is_single {
                 (sums.variance, sums.halves) = (None, None);
             }
@@ -244,11 +246,7 @@ impl Average {
     }
 }
 
-fn known<'a>(
-    name: &str,
-    layers: &'a Layers,
-    fact: &'static str,
-) -> Result<&'a str, AverageError> {
+fn known<'a>(name: &str, layers: &'a Layers, fact: &'static str) -> Result<&'a str, AverageError> {
     let value = layers.metadata.get(fact).map(String::as_str);
     value.ok_or_else(|| AverageError::Unknown { name: name.to_owned(), fact })
 }

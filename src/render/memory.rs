@@ -60,7 +60,8 @@ pub fn check_memory(scene: &Scene, settings: &RenderSettings) -> Result<(), NotE
     let available = available();
     let fits = available.is_none_or(|available| needed <= available);
     // Also where the system does not tell, or the process has a limit of its own.
-    let asked = usize::try_from(needed).is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok());
+    let asked =
+        usize::try_from(needed).is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok());
     if fits && asked {
         return Ok(());
     }

@@ -1,11 +1,11 @@
 //! What every method but path tracing must offer to be run, and what methods find.
 
+use super::RenderSettings;
 use super::bidirectional::{self, Bidirectional};
 use super::chains::{self, Chains};
 use super::redistribution::{self, Redistribution};
 use super::sampled::{Sampled, Samples};
 use super::visibility::{self, Visibility};
-use super::RenderSettings;
 use crate::film::{Radiance, Scale};
 use crate::integrator::{Integrator, MarkovChains};
 use crate::scene::Scene;
@@ -20,8 +20,8 @@ use std::fmt::Debug;
 pub(super) trait Method: Debug + Send {
     /// Does the next round, on the threads of the current rayon pool: about a second of work or less, so that the clock and
     /// Ctrl-C are heeded, and ending exactly at `most` samples or mutations per pixel if these are reached in it. What is
-    /// in the picture depends on `most` and the number of rounds done and on nothing else: not on the clock, nor on the
-    /// number of threads.
+    /// in the picture then depends on `most` and on nothing else: not on the clock, nor on the number of threads, nor on
+    /// where it halted and went on.
     fn round(&mut self, most: u32);
 
     /// Has it done all that is its own of `most` samples or mutations per pixel?
@@ -130,12 +130,12 @@ impl Found<'_> {
     /// Adds what another shard of the same picture found; false where it is of another method.
     #[must_use]
     pub(super) fn merge(&mut self, other: &Self) -> bool {
-        let merge_direct =
-            |direct: &mut Option<Cow<'_, Samples>>, more: &Option<Cow<'_, Samples>>| {
-                if let (Some(direct), Some(more)) = (direct, more) {
-                    direct.to_mut().merge(more);
-                }
-            };
+        let merge_direct = |direct: &mut Option<Cow<'_, Samples>>,
+                            more: &Option<Cow<'_, Samples>>| {
+            if let (Some(direct), Some(more)) = (direct, more) {
+                direct.to_mut().merge(more);
+            }
+        };
         match (self, other) {
             (Self::Bidirectional(sums), Self::Bidirectional(more)) => sums.to_mut().merge(more),
             (Self::Chains(splats, direct), Self::Chains(more, more_direct)) => {

@@ -5,8 +5,8 @@ mod bidirectional;
 mod chains;
 mod memory;
 mod method;
-mod redistribution;
 mod plan;
+mod redistribution;
 mod sampled;
 mod shard;
 mod spread;
@@ -151,7 +151,14 @@ impl<'a> Rendering<'a> {
     /// A render without samples. `settings.budget` is not yet used up, but tells methods what to prepare for.
     pub fn new(scene: &'a Scene, settings: &RenderSettings) -> Self {
         let sampled = Sampled::new(scene, settings);
-        Self { scene, settings: *settings, sampled, method: None, elapsed: Duration::ZERO, plan: OnceCell::new() }
+        Self {
+            scene,
+            settings: *settings,
+            sampled,
+            method: None,
+            elapsed: Duration::ZERO,
+            plan: OnceCell::new(),
+        }
     }
 
     /// Samples or mutations per pixel taken so far.

@@ -69,10 +69,7 @@ impl<'a> Sampled<'a> {
             seed: settings.seed,
             sampler: settings.sampler,
             shard: settings.shard,
-            taken: Samples {
-                film: Film::new(scene.film, &Requirements::of(scene)),
-                samples: 0,
-            },
+            taken: Samples { film: Film::new(scene.film, &Requirements::of(scene)), samples: 0 },
         }
     }
 
@@ -132,7 +129,6 @@ impl<'a> Sampled<'a> {
         });
         *samples += count;
     }
-
 }
 
 /// Samples per pixel of the next pass: about `pass` long by the speed of the `samples` so far, and no more than are `left`.

@@ -43,7 +43,9 @@ pub enum StateError {
     #[error(transparent)]
     Write(#[from] quietlight_denoise::Error),
     /// The file is something else, of another version, or not whole.
-    #[error("{path}: found {found}, expected a render under way, written by this version of the program")]
+    #[error(
+        "{path}: found {found}, expected a render under way, written by this version of the program"
+    )]
     Broken {
         /// The file.
         path: PathBuf,
@@ -118,7 +120,10 @@ impl Header {
         if differences.is_empty() {
             return Ok(());
         }
-        Err(StateError::Differs { what: "the checkpoint".into(), differences: differences.join("; ") })
+        Err(StateError::Differs {
+            what: "the checkpoint".into(),
+            differences: differences.join("; "),
+        })
     }
 }
 

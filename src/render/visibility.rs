@@ -33,9 +33,8 @@ impl<'a> Visibility<'a> {
         found: Option<Halves<'static>>,
     ) -> Self {
         let shard = Shard { index: settings.shard.index(), count: settings.shard.count() };
-        let half = |half| {
-            VisibilityRendering::new(scene, method, settings.seed, half).of_shard(shard)
-        };
+        let half =
+            |half| VisibilityRendering::new(scene, method, settings.seed, half).of_shard(shard);
         let halves = match found {
             Some(Halves { halves: [a, b], .. }) => {
                 [half(0).with(a.into_owned()), half(1).with(b.into_owned())]
