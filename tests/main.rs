@@ -20,4 +20,5 @@ mod sampling;
 mod scene;
 mod strategies;
 mod support;
+mod survival;
 mod visibility;

@@ -9,7 +9,9 @@ mod denoising;
 mod doctor;
 mod inspect;
 mod integrator;
+mod keep;
 mod letters;
+mod merge;
 mod outcome;
 mod progress;
 mod render;
@@ -55,6 +57,7 @@ pub fn run() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome = match arguments.command {
         Command::Render(command) => render::run(&command),
+        Command::Merge(command) => merge::run(&command),
         Command::Denoise(command) => denoise::run(&command),
         Command::Compare(command) => compare::run(&command),
         Command::Dataset(command) => dataset::run(&command),

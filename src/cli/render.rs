@@ -1,16 +1,18 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
 use super::args::{Render, Sampler, SceneArguments};
+use super::keep::Keeper;
 use super::outcome::Outcome;
 use super::spending::{Finished, Spending, Spent};
 use super::strategies::Pyramid;
 use super::{BadInput, Failure, denoising, integrator, replay};
-use crate::render::{Budget, RenderSettings, Rendered, SamplerKind};
+use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, check_memory};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
 use quietlight_denoise::{LayerKind, png};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -31,6 +33,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         }
         return replay::run(&scene, &settings, [x, y], sample);
     }
+    check_memory(&scene, &settings).bad_input()?;
     let output = output_path(arguments)?;
     let pyramid = Pyramid::prepare(arguments.strategies.as_deref(), &settings)?;
     heed_ctrl_c("finishing this pass, then writing what there is")?;
@@ -38,14 +41,25 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     // Before the render, so that hours are not spent for a file that is not a network.
     let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
 
-    let spending =
-        Spending { scene: &scene, settings, threads: &threads, arguments, output: &output };
-    let Spent { mut rendered, finished, note } = spending.spend(denoiser.as_ref(), start)?;
+    let keeper = Keeper::new(arguments, &output, notes(arguments, &scene, &settings));
+    let spending = Spending {
+        scene: &scene,
+        settings,
+        threads: &threads,
+        arguments,
+        output: &output,
+        keeper: &keeper,
+    };
+    let Some(spent) = spending.spend(denoiser.as_ref(), start)? else { return Ok(()) };
+    let Spent { mut rendered, finished, note } = spent;
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
     let is_interrupted = STOP.load(Ordering::Relaxed);
     let Finished { denoised, denoising, error } = finished;
 
-    describe(&mut rendered, arguments, &settings, threads.current_num_threads());
+    let threads_used = ("threads".to_owned(), threads.current_num_threads().to_string());
+    rendered.layers.metadata.extend(keeper.notes().clone());
+    rendered.layers.metadata.extend([threads_used]);
+    describe(&mut rendered);
     if let Some(denoised) = &denoised {
         rendered.layers.metadata.extend(denoised.facts());
     }
@@ -96,7 +110,11 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     } else {
         outcome.print();
     }
-    if is_interrupted { Err(Failure::Interrupted) } else { Ok(()) }
+    if is_interrupted {
+        return Err(Failure::Interrupted);
+    }
+    keeper.forget();
+    Ok(())
 }
 
 /// Loads a scene and tells its warnings.
@@ -124,6 +142,7 @@ fn settings(arguments: &Render, scene: &Scene) -> RenderSettings {
             Sampler::Independent => SamplerKind::Independent,
         },
         integrator: integrator::of(arguments, scene),
+        shard: arguments.shard,
         ..RenderSettings::default()
     }
 }
@@ -157,16 +176,14 @@ pub(super) fn check_output(path: &Path) -> Result<(), Failure> {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     };
-    match folder.metadata() {
-        Ok(facts) if facts.is_dir() && !facts.permissions().readonly() => Ok(()),
-        Ok(_) => {
-            Err(anyhow::anyhow!("{} is not a folder that can be written to", folder.display()))
-                .bad_input()
-        }
-        Err(error) => Err(error)
-            .with_context(|| format!("cannot write into {}", folder.display()))
-            .bad_input(),
+    if folder.metadata().is_ok_and(|facts| !facts.is_dir()) {
+        return Err(anyhow::anyhow!("{} is not a folder", folder.display())).bad_input();
     }
+    // Only an attempt tells: permissions, a disk that is mounted to be read, one without a free inode.
+    tempfile::tempfile_in(folder)
+        .map(|_| ())
+        .with_context(|| format!("cannot write into {}", folder.display()))
+        .bad_input()
 }
 
 /// The first Ctrl-C sets [`STOP`] and says what happens now; the second ends the process at once.
@@ -189,13 +206,8 @@ pub(super) fn thread_pool(threads: Option<u16>) -> Result<rayon::ThreadPool, Fai
         .map_err(Failure::Failed)
 }
 
-/// Writes down how the picture was made.
-fn describe(
-    rendered: &mut Rendered,
-    arguments: &Render,
-    settings: &RenderSettings,
-    threads: usize,
-) {
+/// What is known of the picture before it is made.
+fn notes(arguments: &Render, scene: &Scene, settings: &RenderSettings) -> BTreeMap<String, String> {
     let facts = [
         ("scene", arguments.scene.scene.display().to_string()),
         ("integrator", settings.integrator.name().to_owned()),
@@ -203,11 +215,18 @@ fn describe(
         ("strategy", format!("{:?}", settings.integrator.path_tracing().strategy)),
         ("sampler", format!("{:?}", settings.sampler)),
         ("seed", settings.seed.to_string()),
+        ("scene_identity", scene.identity()),
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    facts.map(|(name, value)| (name.to_owned(), value)).into()
+}
+
+/// Writes down what came of it.
+pub(super) fn describe(rendered: &mut Rendered) {
+    let facts = [
         ("samples", rendered.samples.to_string()),
         ("invalid_samples", rendered.invalid_samples.to_string()),
         ("seconds", format!("{:.3}", rendered.elapsed.as_secs_f64())),
-        ("threads", threads.to_string()),
-        ("version", env!("CARGO_PKG_VERSION").to_owned()),
     ];
     rendered.layers.metadata.extend(facts.map(|(name, value)| (name.to_owned(), value)));
     rendered.layers.metadata.extend(rendered.report.facts.iter().cloned());

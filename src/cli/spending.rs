@@ -1,6 +1,7 @@
 //! Budgets of `quietlight render`: samples, time with all that comes after rendering, or an error.
 
 use super::args::Render;
+use super::keep::Keeper;
 use super::progress::Progress;
 use super::render::STOP;
 use super::{Failure, denoising};
@@ -37,6 +38,7 @@ pub(super) struct Spending<'a> {
     pub(super) threads: &'a rayon::ThreadPool,
     pub(super) arguments: &'a Render,
     pub(super) output: &'a Path,
+    pub(super) keeper: &'a Keeper,
 }
 
 /// What came of it.
@@ -65,20 +67,20 @@ struct Afterwards {
 }
 
 impl Spending<'_> {
-    /// Renders and denoises; `start` is when the program began.
+    /// Renders and denoises; `start` is when the program began. `None` where only a shard was to be rendered, which is written.
     pub(super) fn spend(
         &self,
         denoiser: Option<&Denoiser>,
         start: Instant,
-    ) -> Result<Spent, Failure> {
+    ) -> Result<Option<Spent>, Failure> {
         let estimates = !self.arguments.no_estimate;
         if let Some(error) = self.arguments.target_error {
-            return self.reach(error, denoiser, start);
+            return self.reach(error, denoiser, start).map(Some);
         }
         let Budget::Time(time) = self.settings.budget else {
-            let rendered = self.render(self.settings);
+            let Some(rendered) = self.render(self.settings.budget)? else { return Ok(None) };
             let finished = self.finish(denoiser, &rendered.layers, estimates)?;
-            return Ok(Spent { rendered, finished, note: None });
+            return Ok(Some(Spent { rendered, finished, note: None }));
         };
         let after = self.afterwards(denoiser)?;
         let total = time.as_secs_f64();
@@ -93,29 +95,38 @@ impl Spending<'_> {
             )
         });
         let budget = Budget::Time(Duration::from_secs_f64(left.max(least)));
-        let rendered = self.render(RenderSettings { budget, ..self.settings });
+        let Some(rendered) = self.render(budget)? else { return Ok(None) };
         let finished = self.finish(denoiser, &rendered.layers, estimates)?;
-        Ok(Spent { rendered, finished, note })
+        Ok(Some(Spent { rendered, finished, note }))
     }
 
-    fn render(&self, settings: RenderSettings) -> Rendered {
-        let mut rendering = Rendering::new(self.scene, &settings);
+    /// Renders, from where an earlier run ended if that is asked for. `None` where only a shard was to be rendered.
+    fn render(&self, budget: Budget) -> Result<Option<Rendered>, Failure> {
         let start = Instant::now();
-        let progress = match settings.budget {
+        let progress = match budget {
             Budget::Samples(samples) => self.progress(samples),
             Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
         };
-        let show = |done| match settings.budget {
+        let show = |done| match budget {
             Budget::Samples(_) => progress.at(done),
             Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
         };
-        self.threads.install(|| rendering.run(settings.budget, &show, &STOP));
+        let Some(mut rendering) = self.keeper.begin(self.scene, &self.settings, self.threads)?
+        else {
+            return Ok(None);
+        };
+        self.keeper.run(&mut rendering, budget, self.threads, &show)?;
         progress.finish();
-        self.threads.install(|| rendering.finish())
+        if self.keeper.is_part() {
+            self.keeper.finish_part(&rendering)?;
+            return Ok(None);
+        }
+        Ok(Some(self.threads.install(|| rendering.finish())))
     }
 
     fn progress(&self, samples: u32) -> Progress {
         let total = self.scene.film.crop_pixels() * u64::from(samples);
+        let total = total.div_ceil(u64::from(self.settings.shard.count()));
         Progress::new("render", "samples", total)
     }
 

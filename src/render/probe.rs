@@ -75,7 +75,7 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
             seconds_per_sample_per_pixel: per_sample,
             seconds_per_feature_per_pixel: 0.0,
             pixels,
-            bytes: film + layer_bytes(pixels, &requirements),
+            bytes: film + Film::layer_bytes(scene.film, &requirements),
             uncertainty,
         };
     }
@@ -87,7 +87,7 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
         seconds_per_feature_per_pixel: features.per_sample,
         pixels,
         // A film of splats has six sums a pixel, with their squares and halves; some methods have two films.
-        bytes: film + layer_bytes(pixels, &requirements) + 2 * 6 * 24 * pixels,
+        bytes: film + Film::layer_bytes(scene.film, &requirements) + 2 * 6 * 24 * pixels,
         uncertainty: rounds.uncertainty,
     }
 }
@@ -143,12 +143,7 @@ pub fn middle(scene: &Scene, settings: &RenderSettings, side: u32) -> Layers {
     let crop = [left + (width - size[0]) / 2, top + (height - size[1]) / 2, size[0], size[1]];
     let mut sampled = Sampled::of_crop(scene, settings, crop);
     sampled.pass(2, &|_| {});
-    sampled.layers()
-}
-
-/// Mean, variance and two halves of each number that the film keeps, in single precision.
-fn layer_bytes(pixels: u64, requirements: &Requirements) -> u64 {
-    pixels * 4 * 4 * Film::numbers(requirements) as u64
+    sampled.taken().layers(scene.origin)
 }
 
 /// What patches of the picture take by path tracing, in seconds.
@@ -213,7 +208,7 @@ fn patches(scene: &Scene, settings: &RenderSettings, length: Duration) -> Patche
     }
     let all: u64 = patches.iter().map(|patch| patch.pixels).sum();
     let making = Instant::now();
-    patches.par_iter().for_each(|patch| drop(patch.sampled.layers()));
+    patches.par_iter().for_each(|patch| drop(patch.sampled.taken().layers(scene.origin)));
     let making = making.elapsed().as_secs_f64() * rayon::current_num_threads() as f64;
     let times: Vec<f64> = patches.iter().map(|patch| patch.time.as_secs_f64()).collect();
     Patches {
@@ -234,7 +229,7 @@ fn rounds(scene: &Scene, settings: &RenderSettings, length: Duration) -> Rounds 
     let prepare = |samples: u32| {
         let settings = RenderSettings { budget: Budget::Samples(samples), ..*settings };
         let start = Instant::now();
-        let method = method::start(scene, &settings);
+        let method = method::start(scene, &settings, None);
         (method, start.elapsed().as_secs_f64())
     };
     // What is prepared grows with the samples in some methods.
@@ -254,8 +249,8 @@ fn rounds(scene: &Scene, settings: &RenderSettings, length: Duration) -> Rounds 
         let round = Instant::now();
         // Never the last one, which may end elsewhere than the others.
         method.round(u32::MAX / 2);
-        rounds.push((round.elapsed().as_secs_f64(), (method.done() - done) as f64));
-        done = method.done();
+        rounds.push((round.elapsed().as_secs_f64(), (method.found().done() - done) as f64));
+        done = method.found().done();
         if start.elapsed() > 4 * length {
             break;
         }

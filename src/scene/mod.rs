@@ -4,6 +4,7 @@ mod build;
 pub mod camera;
 mod change;
 mod error;
+mod identity;
 mod inventory;
 pub mod material;
 pub mod mesh_file;
@@ -25,6 +26,7 @@ pub use requirements::Requirements;
 use crate::emitter::{EmitterId, Emitters};
 use crate::geometry::Geometry;
 use glam::Vec2;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// What may be changed about a scene while it is loaded.
@@ -46,7 +48,7 @@ pub struct Surface {
 }
 
 /// The picture's size, and the part of it to render.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FilmSettings {
     /// Pixels across the whole film.
     pub width: u32,
