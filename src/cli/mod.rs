@@ -14,6 +14,7 @@ mod progress;
 mod render;
 mod replay;
 mod strategies;
+mod tradeoff;
 
 use args::{Arguments, Command};
 use clap::{CommandFactory, Parser};
@@ -56,6 +57,7 @@ pub fn run() -> ExitCode {
         Command::Denoise(command) => denoise::run(&command),
         Command::Compare(command) => compare::run(&command),
         Command::Dataset(command) => dataset::run(&command),
+        Command::Tradeoff(command) => tradeoff::run(&command),
         Command::Inspect(command) => inspect::run(&command),
         Command::Doctor => doctor::run(),
         Command::Completions { shell } => {

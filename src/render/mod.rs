@@ -210,6 +210,11 @@ impl<'a> Rendering<'a> {
         }
     }
 
+    /// Non-finite samples and splats dropped so far.
+    pub fn invalid_samples(&self) -> u64 {
+        self.sampled.invalid_samples() + self.method.as_ref().map_or(0, |method| method.invalid())
+    }
+
     /// The layers as the samples so far give them, with corrected variances.
     pub fn layers(&self) -> Layers {
         let mut layers = self.sampled.layers();
@@ -237,8 +242,7 @@ impl<'a> Rendering<'a> {
         Rendered {
             layers: self.layers(),
             samples: self.samples(),
-            invalid_samples: self.sampled.invalid_samples()
-                + method.map_or(0, |method| method.invalid()),
+            invalid_samples: self.invalid_samples(),
             report: method.map_or_else(Report::default, |method| method.report()),
             elapsed: self.elapsed + start.elapsed(),
         }
