@@ -19,4 +19,5 @@ mod sampling;
 mod scene;
 mod strategies;
 mod support;
+mod tradeoff;
 mod visibility;

@@ -21,7 +21,7 @@ mod verdict;
 pub use job::{Job, Outcome, Plan};
 pub use scores::Scores;
 pub use settings::{Filter, Method, ReferenceBudget, Request, Settings};
-pub use verdict::Verdict;
+pub use verdict::{Choice, Standing, Verdict};
 
 use std::path::{Path, PathBuf};
 

@@ -255,7 +255,7 @@ fn view<'a>(scene: &'a SceneScores, pictures: &Pictures) -> SceneView<'a> {
         name: &scene.name,
         facts,
         choices: scene.verdict.choices.iter().map(|choice| choice_view(choice, scene)).collect(),
-        targets: scene.targets.iter().map(|target| format!("{target:.0e}")).collect(),
+        targets: scene.targets.iter().map(|&target| round(target)).collect(),
         reaches: reaches(scene),
         rows: scene
             .points
@@ -263,10 +263,15 @@ fn view<'a>(scene: &'a SceneScores, pictures: &Pictures) -> SceneView<'a> {
             .enumerate()
             .map(|(index, point)| row(scene, index, point))
             .collect(),
-        range: pictures.range.map(|error| format!("{error:.0e}")),
+        range: pictures.range.map(round),
         pictures_note: notes.join(" "),
         scene,
     }
+}
+
+/// A round error.
+fn round(error: f64) -> String {
+    if error >= 9e-5 { format!("{error}") } else { format!("{error:.0e}") }
 }
 
 fn choice_view(choice: &verdict::Choice, scene: &SceneScores) -> ChoiceView {

@@ -1,7 +1,7 @@
 //! Pictures of a scene for the page: what some combinations give in the same time, and where they are off.
 
 use super::Error;
-use super::scores::{Combination, Point, SceneScores};
+use super::scores::{Combination, Point, SceneScores, decimal};
 use super::settings::Filter;
 use super::statistics::Reference;
 use super::unit::{ReferenceHalf, Unit};
@@ -163,7 +163,7 @@ fn range<'a>(maps: impl Iterator<Item = &'a Array2<f32>>) -> [f64; 2] {
     errors.sort_by(f32::total_cmp);
     let high = errors.get(errors.len() * 99 / 100).map_or(1.0, |&error| f64::from(error));
     let power = high.log10().ceil() as i32;
-    [10f64.powi(power - DECADES), 10f64.powi(power)]
+    [decimal(1, power - DECADES), decimal(1, power)]
 }
 
 /// Where in the range of colours an error is, 0 to 1, by its logarithm.

@@ -382,9 +382,14 @@ fn default_denoiser(points: &[Point]) -> Filter {
 fn targets(points: &[Point]) -> Vec<f64> {
     let errors = || points.iter().filter(|point| point.is_known).map(|point| point.error.mean);
     let (least, most) = errors().fold((f64::INFINITY, 0f64), |(a, b), e| (a.min(e), b.max(e)));
-    let round = (-12..=6).rev().flat_map(|power| [3.0, 1.0].map(|one| one * 10f64.powi(power)));
+    let round = (-12..=6).rev().flat_map(|power| [3, 1].map(|one| decimal(one, power)));
     let mut targets: Vec<f64> = round.filter(|&target| (least..=most).contains(&target)).collect();
     // The hard ones tell the methods apart.
     targets.drain(..targets.len().saturating_sub(6));
     targets
+}
+
+/// `digit` times ten to the `power`, the nearest number there is.
+pub(super) fn decimal(digit: u8, power: i32) -> f64 {
+    format!("{digit}e{power}").parse().unwrap_or(f64::NAN)
 }

@@ -82,7 +82,8 @@ impl Reference {
 
     /// Unbiased squared error of a picture, relative as in the relative L2: the mean over pixels and channels of
     /// `(x − r₁)(x − r₂) / (r̄² + 0.01)`. What the halves of the reference are off by are independent of each other and of the
-    /// picture, so that their product vanishes on average; the result can be a little below zero.
+    /// picture, so that their product vanishes on average; the result can be a little below zero. The denominator is not free
+    /// of their noise, which matters only where that is not small against the picture's error.
     pub fn error(&self, picture: &Image) -> f64 {
         self.mean_of(picture, |x, [r1, r2]| (x - r1) * (x - r2))
     }

@@ -1,7 +1,7 @@
 //! What to choose on a scene, and why, in words with the numbers that decide it.
 
 use super::curve::{Curve, Level, Reach};
-use super::scores::{Combination, Point, ReferenceScores};
+use super::scores::{Combination, Point, ReferenceScores, decimal};
 use super::settings::Filter;
 use super::statistics::Estimate;
 use serde::Serialize;
@@ -9,6 +9,9 @@ use std::collections::BTreeMap;
 
 /// Errors that differ by less than this factor are the same to a person who chooses.
 const SAME: f64 = 1.1;
+
+/// Errors that differ by more than this factor and are not told apart by the seeds ask for more seeds, not for either choice.
+const OPEN: f64 = 1.5;
 
 /// Budgets of time that choices are told for, at most.
 const BUDGETS: usize = 5;
@@ -25,7 +28,31 @@ pub struct Verdict {
     /// What `auto` takes, and whether that is right.
     pub auto: String,
     /// Is what `auto` takes as good as the best, at the longest budget?
-    pub is_auto_right: bool,
+    pub standing: Standing,
+}
+
+/// How what `auto` takes compares with the best.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Standing {
+    /// As good as the best, or not told apart from it and not far off.
+    Right,
+    /// The seeds tell that it is worse.
+    Wrong,
+    /// It seems worse, but the seeds do not tell.
+    #[default]
+    Open,
+}
+
+impl Standing {
+    /// Its name in files and in the page.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Right => "right",
+            Self::Wrong => "wrong",
+            Self::Open => "open",
+        }
+    }
 }
 
 /// The best for a budget of time.
@@ -43,7 +70,9 @@ pub struct Choice {
     pub is_clear: bool,
     /// The error that `auto` leaves; `None` where it has no picture yet.
     pub auto_error: Option<f64>,
-    /// What to take: `auto` where it is not told apart from the best, else the best.
+    /// How that compares.
+    pub standing: Standing,
+    /// What to take: what `auto` takes where that is right, else the best.
     pub take: Combination,
 }
 
@@ -65,12 +94,11 @@ impl Verdict {
         let choices: Vec<Choice> =
             budgets(curves).into_iter().filter_map(|seconds| judge.choose(seconds)).collect();
         let Some(last) = choices.last() else { return Self::default() };
-        let (auto_said, is_auto_right) = judge.auto(&choices, last);
         Self {
             headline: headline(&choices),
             reasons: judge.reasons(last, reference),
-            auto: auto_said,
-            is_auto_right,
+            auto: judge.auto(&choices, last),
+            standing: last.standing,
             choices,
         }
     }
@@ -84,7 +112,7 @@ fn budgets(curves: &BTreeMap<Combination, Curve>) -> Vec<f64> {
     let Some(&end) = ends.get(ends.len() / 2) else { return Vec::new() };
     let start = ranges.iter().fold(f64::INFINITY, |least, range| least.min(range[0]));
     let all: Vec<f64> = (-4..=6)
-        .flat_map(|power| [1.0, 2.0, 5.0].map(|one| one * 10f64.powi(power)))
+        .flat_map(|power| [1, 2, 5].map(|one| decimal(one, power)))
         .filter(|seconds| (start..=end).contains(seconds))
         .collect();
     match all.len() {
@@ -134,11 +162,17 @@ impl Judge<'_> {
             other >= SAME * error && self.is_apart(best, rival, seconds)
         });
         let auto_error = ranked.iter().find(|(one, _)| *one == self.auto).map(|&(_, error)| error);
-        let is_auto_as_good = auto_error.is_some_and(|of_auto| {
-            of_auto < SAME * error || !self.is_apart(best, self.auto, seconds)
-        });
-        let take = if is_auto_as_good { self.auto } else { best };
-        Some(Choice { seconds, best, error, rival, is_clear, auto_error, take })
+        let standing = match auto_error {
+            Some(of_auto) if of_auto < SAME * error => Standing::Right,
+            Some(of_auto) if self.is_apart(best, self.auto, seconds) || of_auto.is_nan() => {
+                Standing::Wrong
+            }
+            Some(of_auto) if of_auto < OPEN * error => Standing::Right,
+            Some(_) => Standing::Open,
+            None => Standing::Wrong,
+        };
+        let take = if standing == Standing::Right { self.auto } else { best };
+        Some(Choice { seconds, best, error, rival, is_clear, auto_error, standing, take })
     }
 
     /// Do the seeds tell the errors of two combinations apart at a time? By the last measurements until then.
@@ -154,36 +188,34 @@ impl Judge<'_> {
         self.points.iter().filter(until).max_by(|a, b| a.seconds.mean.total_cmp(&b.seconds.mean))
     }
 
-    fn auto(&self, choices: &[Choice], last: &Choice) -> (String, bool) {
-        let auto = self.auto;
-        let is_right = last.take == auto;
-        let good = choices.iter().filter(|choice| choice.take == auto).count();
+    fn auto(&self, choices: &[Choice], last: &Choice) -> String {
+        let (auto, time) = (self.auto, seconds(last.seconds));
+        let errors = |error: f64| {
+            format!("({} against {} by {})", relative_l2(error), relative_l2(last.error), last.best)
+        };
         let facts = match last.auto_error {
-            None => format!("which has no picture after {}", seconds(last.seconds)),
-            Some(_) if last.best == auto => {
-                format!("the best after {}", seconds(last.seconds))
+            None => format!("which has no picture after {time}"),
+            Some(_) if last.best == auto => format!("which is the best after {time}"),
+            Some(error) if last.standing == Standing::Right => {
+                format!("which is as good as the best after {time} {}", errors(error))
             }
-            Some(error) if is_right => format!(
-                "which the seeds do not tell apart from the best, {}, after {} ({} against {})",
-                last.best,
-                seconds(last.seconds),
-                relative_l2(error),
-                relative_l2(last.error)
-            ),
             Some(error) => format!(
-                "which leaves {} times the error of {} after {}",
+                "which after {time} leaves {} times as much as the best {}",
                 factor(error / last.error),
-                last.best,
-                seconds(last.seconds)
+                errors(error)
             ),
         };
-        let verdict = if is_right { "right" } else { "not the best choice here" };
-        let count = choices.len();
-        let all = match count {
-            1 => String::new(),
-            _ => format!("; as good as the best at {good} of {count} budgets"),
+        let verdict = match last.standing {
+            Standing::Right => "right",
+            Standing::Wrong => "not the best choice here",
+            Standing::Open => "perhaps not the best choice: it takes more seeds to tell",
         };
-        (format!("`auto` takes {auto}, {facts}: {verdict}{all}."), is_right)
+        let good = choices.iter().filter(|choice| choice.take == auto).count();
+        let all = match choices.len() {
+            1 => String::new(),
+            count => format!(" (as good as the best at {good} of {count} budgets)"),
+        };
+        format!("“auto” takes {auto}, {facts}: {verdict}{all}.")
     }
 
     fn reasons(&self, last: &Choice, reference: &ReferenceScores) -> Vec<String> {
@@ -292,23 +324,24 @@ impl Judge<'_> {
     }
 }
 
-/// A time for a sentence.
+/// A time for a sentence: two digits.
 pub(super) fn seconds(time: f64) -> String {
-    let digits = |digits: usize| format!("{time:.digits$} s");
-    match time {
+    let rounded = two_digits(time);
+    match rounded {
         time if time >= 600.0 => format!("{:.0} min", time / 60.0),
-        time if time >= 10.0 => digits(0),
-        // 1 s and not 1.0 s, where it is one.
-        time if time >= 1.0 && time.fract() < 1e-9 => digits(0),
-        time if time >= 1.0 => digits(1),
-        time if time >= 0.0095 => format!("{} s", (time * 1000.0).round() / 1000.0),
-        _ => format!("{:.1} ms", 1000.0 * time),
+        time if time < 0.0095 => format!("{} ms", two_digits(1000.0 * time)),
+        time => format!("{time} s"),
     }
 }
 
-/// An error for a sentence.
+/// An error for a sentence: two digits.
 pub(super) fn relative_l2(error: f64) -> String {
-    format!("{error:.1e}")
+    if error >= 0.095 { two_digits(error).to_string() } else { format!("{error:.1e}") }
+}
+
+/// The number nearest with two digits that count.
+fn two_digits(number: f64) -> f64 {
+    format!("{number:.1e}").parse().unwrap_or(number)
 }
 
 fn factor(factor: f64) -> String {
@@ -385,9 +418,9 @@ mod tests {
         assert!(last.is_clear && (last.error - 0.05).abs() < 1e-12, "{last:?}");
         let (rival, error) = last.rival.unwrap();
         assert!(rival == PATH && (error - 0.1).abs() < 1e-12, "{last:?}");
-        assert!(verdict.is_auto_right);
+        assert_eq!(verdict.standing, Standing::Right);
         assert!(
-            verdict.auto.contains("right; as good as the best at 3 of 5 budgets"),
+            verdict.auto.ends_with(": right (as good as the best at 3 of 5 budgets)."),
             "{verdict:?}"
         );
     }
@@ -395,21 +428,23 @@ mod tests {
     #[test]
     fn auto_is_wrong_where_the_seeds_tell_another_apart_and_only_there() {
         let clear = verdict(PATH, 0.01);
-        assert!(!clear.is_auto_right);
+        assert_eq!(clear.standing, Standing::Wrong);
         assert!(
-            clear.auto.contains("leaves 2.0 times the error of erpt, not denoised after 10 s"),
+            clear
+                .auto
+                .contains("after 10 s leaves 2.0 times as much as the best (0.1 against 5.0e-2"),
             "{}",
             clear.auto
         );
-        // Intervals of 0.3/t around 1/t and 0.5/t overlap: no reason to leave what auto takes.
-        let unclear = verdict(PATH, 0.3);
-        assert!(unclear.is_auto_right && !unclear.choices[4].is_clear, "{unclear:?}");
-        assert_eq!(unclear.headline, "Take path, not denoised.");
+        // Intervals of 0.3/t around 1/t and 0.5/t overlap: they may be the same, and the one may be twice the other.
+        let open = verdict(PATH, 0.3);
+        assert!(open.standing == Standing::Open && !open.choices[4].is_clear, "{open:?}");
     }
 
     #[test]
     fn numbers_are_said_as_people_say_them() {
-        let said = [0.0012, 0.05, 0.123_46, 1.0, 2.34, 12.3, 1234.0].map(seconds);
-        assert_eq!(said, ["1.2 ms", "0.05 s", "0.123 s", "1 s", "2.3 s", "12 s", "21 min"]);
+        let said = [0.0012, 0.05, 0.123_46, 1.0, 2.34, 12.3, 123.0, 1234.0].map(seconds);
+        assert_eq!(said, ["1.2 ms", "0.05 s", "0.12 s", "1 s", "2.3 s", "12 s", "120 s", "20 min"]);
+        assert_eq!([8.234, 0.1, 0.004_56].map(relative_l2), ["8.2", "0.1", "4.6e-3"]);
     }
 }

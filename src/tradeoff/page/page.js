@@ -18,14 +18,17 @@ const seconds = (time) => (time >= 100 ? time.toFixed(0) : time.toPrecision(3)) 
 const error = (value) => value.toExponential(2);
 const label = (point) => point.integrator + (point.denoiser === "none" ? ", not denoised" : " + " + point.denoiser);
 
-function axes(yTitle) {
+function axes(yTitle, points) {
+  // 1, 2, 5 are labels enough, and less than those over many decades.
+  const times = points.map((point) => point.seconds);
+  const decades = Math.log10(Math.max(...times) / Math.min(...times));
   const axis = (text) => ({ type: "log", title: { text, font: { size: 13 } }, gridcolor: colour("line"), zeroline: false,
-    linecolor: colour("soft"), ticks: "outside", tickcolor: colour("soft"), dtick: undefined, minor: { ticks: "outside", ticklen: 3, tickcolor: colour("line") } });
+    linecolor: colour("soft"), ticks: "outside", tickcolor: colour("soft"), minor: { ticks: "outside", ticklen: 3, tickcolor: colour("line") } });
   return {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: colour("ink"), family: "system-ui, sans-serif", size: 12 },
     margin: { l: 62, r: 12, t: 12, b: 48 }, hovermode: "closest", showlegend: false,
     hoverlabel: { bgcolor: colour("card"), bordercolor: colour("line"), font: { color: colour("ink") } },
-    xaxis: { ...axis("seconds, render and denoiser"), exponentformat: "power", tickformat: "~g" },
+    xaxis: { ...axis("seconds, render and denoiser"), exponentformat: "power", tickformat: "~g", dtick: decades > 3 ? 1 : "D2" },
     yaxis: { ...axis(yTitle), exponentformat: "power", tickformat: ".0e" },
   };
 }
@@ -63,7 +66,7 @@ function drawTrade(scene, view) {
       });
     }
   }
-  const layout = axes("relative L2");
+  const layout = axes("relative L2", scene.points);
   layout.shapes = [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: scene.noise, y1: scene.noise, line: { color: colour("soft"), width: 1, dash: "dot" } }];
   const lowest = Math.min(...scene.points.map((p) => p.error).filter((e) => e > 0));
   if (scene.noise < lowest / 10) layout.shapes = [];
@@ -86,7 +89,7 @@ function drawSplit(scene, view) {
       });
     }
   });
-  const layout = axes("part of relative L2");
+  const layout = axes("part of relative L2", scene.points);
   layout.showlegend = true;
   layout.legend = { orientation: "h", y: -0.25, font: { size: 11 } };
   layout.margin.b = 90;
