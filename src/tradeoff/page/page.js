@@ -29,7 +29,7 @@ function axes(yTitle, points) {
     margin: { l: 62, r: 12, t: 12, b: 48 }, hovermode: "closest", showlegend: false,
     hoverlabel: { bgcolor: colour("card"), bordercolor: colour("line"), font: { color: colour("ink") } },
     xaxis: { ...axis("seconds, render and denoiser"), exponentformat: "power", tickformat: "~g", dtick: decades > 3 ? 1 : "D2" },
-    yaxis: { ...axis(yTitle), exponentformat: "power", tickformat: ".0e" },
+    yaxis: { ...axis(yTitle), exponentformat: "power", tickformat: "~g" },
   };
 }
 
