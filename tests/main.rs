@@ -21,4 +21,5 @@ mod scene;
 mod strategies;
 mod support;
 mod survival;
+mod tradeoff;
 mod visibility;

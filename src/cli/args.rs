@@ -25,6 +25,8 @@ pub(super) enum Command {
     Compare(Compare),
     /// Make training pairs: noisy renders of many views, each with a converged one
     Dataset(Dataset),
+    /// Measure error against seconds of integrators and denoisers on scenes, and tell what to choose
+    Tradeoff(super::tradeoff::Tradeoff),
     /// Show what a scene requires, and what will therefore run
     Inspect(Inspect),
     /// Check this machine: threads, SIMD, and a small render from end to end
@@ -453,7 +455,7 @@ fn interval(text: &str) -> Result<Interval, String> {
 }
 
 /// Reads a time with its unit; seconds where there is none.
-fn time(text: &str) -> Result<Duration, String> {
+pub(super) fn time(text: &str) -> Result<Duration, String> {
     let units = [("ms", 1e-3), ("s", 1.0), ("m", 60.0), ("h", 3600.0)];
     let (number, seconds) = units
         .iter()
