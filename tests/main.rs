@@ -11,7 +11,6 @@ mod determinism;
 mod emission;
 mod equal_energy;
 mod extremes;
-mod extremes_markov;
 mod markov;
 mod rays;
 mod redistribution;
