@@ -6,6 +6,7 @@ pub mod blend;
 pub mod denoiser;
 pub mod error;
 mod exp;
+mod exposure;
 pub mod exr;
 pub mod kpcn;
 pub mod layers;
