@@ -20,7 +20,7 @@ pub(super) fn denoisers() -> [(&'static str, Denoiser); 4] {
     ]
 }
 
-fn threads() -> rayon::ThreadPool {
+pub(super) fn threads() -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads")
 }
 

@@ -94,14 +94,15 @@ fn five_hundred_bounces_off_white_walls_stay_finite() {
     // those that have thousands of probes, bounce fifty times.
     for (name, integrator) in methods() {
         let is_slow = name.starts_with("erpt") || name == "pssmlt of both walks";
-        let (edges, samples) = if is_slow { (50, 64) } else { (500, 1) };
+        // Of 64 deposits of one size, those of chains that were rounded to one more or less make 10 %; three times that.
+        let (edges, samples, bound) = if is_slow { (50, 64, 0.3) } else { (500, 1, 0.05) };
         let (scene, expected) = white_sphere(edges);
         let integrator = match with_few_candidates(integrator, 4) {
             Integrator::Erpt(erpt) => Integrator::Erpt(Erpt { chain_length: 1, ..erpt }),
             other => other,
         };
         let found = luminance(&rendered(&scene, integrator, samples, 1));
-        assert!((found / expected - 1.0).abs() < 0.05, "{name}: {found}, {expected}");
+        assert!((found / expected - 1.0).abs() < bound, "{name}: {found}, {expected}");
     }
 }
 
