@@ -38,6 +38,9 @@ fn methods() -> [(&'static str, Integrator); 6] {
     ]
 }
 
+/// Fewer renders where they are of very many samples.
+const MANY_SAMPLES: u32 = 10_000;
+
 /// Comparisons of the long form, about: values × methods × parts of a picture.
 const COMPARISONS: usize = 49 * 6 * 3;
 
@@ -100,6 +103,7 @@ fn cell(
     replicas: u64,
     denoisers: &[(&'static str, Denoiser)],
 ) -> Cell {
+    let replicas = if point.samples > MANY_SAMPLES { replicas / 2 } else { replicas };
     let start = processor_seconds();
     let renders: Vec<Rendered> =
         (0..replicas).into_par_iter().map(|seed| rendered(point, integrator, 100 + seed)).collect();
