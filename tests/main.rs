@@ -11,7 +11,6 @@ mod determinism;
 mod emission;
 mod equal_energy;
 mod extremes;
-mod extremes_markov;
 mod kept_inputs;
 mod markov;
 mod rays;
