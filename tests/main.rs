@@ -2,6 +2,7 @@
 
 mod analytic;
 mod bidirectional;
+mod budgets;
 mod buffers;
 mod cli;
 mod consistency;
