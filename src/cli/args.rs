@@ -143,6 +143,9 @@ pub(super) struct Render {
     /// Also write the two independent halves of every layer
     #[arg(long)]
     pub(super) halves: bool,
+    /// Do not estimate the error of the denoised picture: that takes twice the time of denoising
+    #[arg(long)]
+    pub(super) no_estimate: bool,
     /// Brighten the PNG by this many stops
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub(super) exposure: f32,
@@ -202,6 +205,9 @@ pub(super) struct Denoise {
     /// Threads [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) threads: Option<u16>,
+    /// Do not estimate the error of the picture from the halves in the file: that takes twice the time of denoising
+    #[arg(long)]
+    pub(super) no_estimate: bool,
     /// Brighten the PNG by this many stops
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub(super) exposure: f32,
@@ -314,6 +320,17 @@ pub(super) enum DatasetVerb {
 pub(super) struct Inspect {
     #[command(flatten)]
     pub(super) scene: SceneArguments,
+    /// Leave out what the render will cost, which takes a second or a few to find out
+    #[arg(long)]
+    pub(super) no_probe: bool,
+    /// The denoiser whose cost is told
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) denoiser: Denoiser,
+    #[command(flatten)]
+    pub(super) networks: Networks,
+    /// Threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
     /// Print the facts as JSON
     #[arg(long)]
     pub(super) json: bool,

@@ -10,7 +10,7 @@ use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
-use quietlight_denoise::{Denoised, LayerKind, png};
+use quietlight_denoise::{Denoised, ErrorEstimate, LayerKind, png};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -72,6 +72,12 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         _ => None,
     };
     let denoising = denoised.as_ref().map(|_| start.elapsed());
+    let error = match (&denoiser, &denoised) {
+        (Some(denoiser), Some(denoised)) if !arguments.no_estimate => {
+            denoising::estimate(denoised, denoiser, &rendered.layers, &threads)?
+        }
+        _ => None,
+    };
 
     let threads_used = ("threads".to_owned(), threads.current_num_threads().to_string());
     rendered.layers.metadata.extend(keeper.notes().clone());
@@ -79,6 +85,11 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     describe(&mut rendered);
     if let Some(denoised) = &denoised {
         rendered.layers.metadata.extend(denoised.facts());
+    }
+    if let Some(error) = &error {
+        let fact = ("estimated_relative_l2".to_owned(), denoising::in_words(error));
+        rendered.layers.metadata.extend([fact]);
+        rendered.layers.error = Some(error.map.clone());
     }
     let png = output.with_extension("png");
     let [left, top, ..] = scene.film.crop.map(|number| number as i32);
@@ -112,6 +123,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         denoised: denoised.as_ref(),
         denoising,
         noise,
+        error: error.as_ref(),
     };
     if arguments.json {
         outcome.print_json();
@@ -248,7 +260,10 @@ struct Outcome<'a> {
     /// `None` where the noise was left in.
     denoised: Option<&'a Denoised>,
     denoising: Option<Duration>,
+    /// Of the rendered picture.
     noise: Option<f64>,
+    /// Of the denoised picture.
+    error: Option<&'a ErrorEstimate>,
 }
 
 impl Outcome<'_> {
@@ -260,7 +275,7 @@ impl Outcome<'_> {
     }
 
     fn print(&self) {
-        let Self { output, png, rendered, denoised, denoising, noise } = self;
+        let Self { output, png, rendered, denoised, denoising, noise, error } = self;
         if rendered.invalid_samples > 0 {
             eprintln!(
                 "warning: {} samples were not finite and were dropped; layer invalid.N tells where, --replay why",
@@ -281,9 +296,11 @@ impl Outcome<'_> {
             }
             _ => "not denoised".to_owned(),
         };
+        let error = error
+            .map_or_else(String::new, |error| format!(", after {}", denoising::in_words(error)));
         println!(
             "{} and {}: {} samples per pixel in {:.1} s ({}samples/s), {denoised}; \
-             relative L2 of the noise before denoising, estimated from the halves: {noise}",
+             relative L2, estimated from the halves: before denoising {noise}{error}",
             output.display(),
             png.display(),
             rendered.samples,
@@ -306,6 +323,8 @@ impl Outcome<'_> {
             "denoiser": self.denoised.map(denoising::json),
             "samples_per_second": self.speed(),
             "estimated_noisy_relative_l2": self.noise,
+            "estimated_relative_l2": self.error.map(|error| error.relative_l2),
+            "estimated_relative_l2_interval": self.error.map(|error| error.interval),
             "facts": self.rendered.report.facts.iter().cloned().collect::<BTreeMap<_, _>>(),
             "warnings": self.rendered.report.warnings,
         });

@@ -6,12 +6,14 @@ mod chains;
 mod memory;
 mod method;
 mod plan;
+pub mod probe;
 mod redistribution;
 mod sampled;
 mod shard;
 mod spread;
 mod state;
 mod strategies;
+pub mod survey;
 mod units;
 mod visibility;
 

@@ -4,7 +4,7 @@ use super::{RenderSettings, SamplerKind, Shard};
 use crate::film::{Film, Tile};
 use crate::integrator::{PathSample, PathTracing, Vertex};
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
-use crate::scene::{Requirements, Scene};
+use crate::scene::{FilmSettings, Requirements, Scene};
 use glam::{DVec3, Vec2};
 use quietlight_denoise::Layers;
 use rayon::prelude::*;
@@ -63,13 +63,23 @@ impl Samples {
 
 impl<'a> Sampled<'a> {
     pub(super) fn new(scene: &'a Scene, settings: &RenderSettings) -> Self {
+        Self::on(scene, settings, Film::new(scene.film, &Requirements::of(scene)))
+    }
+
+    /// A part of the picture alone: first column and row in the whole film, columns and rows.
+    pub(super) fn of_crop(scene: &'a Scene, settings: &RenderSettings, crop: [u32; 4]) -> Self {
+        let film = FilmSettings { crop, ..scene.film };
+        Self::on(scene, settings, Film::new(film, &Requirements::of(scene)))
+    }
+
+    fn on(scene: &'a Scene, settings: &RenderSettings, film: Film) -> Self {
         Self {
             scene,
             path_tracing: settings.integrator.features(),
             seed: settings.seed,
             sampler: settings.sampler,
             shard: settings.shard,
-            taken: Samples { film: Film::new(scene.film, &Requirements::of(scene)), samples: 0 },
+            taken: Samples { film, samples: 0 },
         }
     }
 
@@ -77,17 +87,18 @@ impl<'a> Sampled<'a> {
     pub(super) fn of_direct(scene: &'a Scene, settings: &RenderSettings) -> Self {
         Self {
             path_tracing: PathTracing { max_depth: DIRECT, ..settings.integrator.path_tracing() },
-            taken: Samples {
-                film: Film::of_radiance(scene.film, &Requirements::of(scene)),
-                samples: 0,
-            },
-            ..Self::new(scene, settings)
+            ..Self::on(scene, settings, Film::of_radiance(scene.film, &Requirements::of(scene)))
         }
     }
 
     /// The same with the samples that were taken before.
     pub(super) fn with(self, taken: Samples) -> Self {
         Self { taken, ..self }
+    }
+
+    /// The layers as the samples so far give them.
+    pub(super) fn layers(&self) -> Layers {
+        self.taken.layers(self.scene.origin)
     }
 
     /// What was taken so far.

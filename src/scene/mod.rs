@@ -5,6 +5,7 @@ pub mod camera;
 mod change;
 mod error;
 mod identity;
+mod inventory;
 pub mod material;
 pub mod mesh_file;
 mod model;
@@ -19,6 +20,7 @@ pub use camera::{Camera, CameraError, FovAxis, LensHit, LensView, Perspective};
 pub use change::Changes;
 pub use error::{Location, SceneError};
 pub use material::{Material, MaterialId};
+pub use inventory::{ImageFacts, Inventory};
 pub use requirements::Requirements;
 
 use crate::emitter::{EmitterId, Emitters};

@@ -172,6 +172,11 @@ impl EnvironmentMap {
         map
     }
 
+    /// Texels across and down.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
     /// How many texels were NaN, negative or too large.
     pub fn invalid_texels(&self) -> usize {
         self.invalid_texels
