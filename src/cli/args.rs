@@ -106,9 +106,13 @@ pub(super) struct Render {
     /// Samples per pixel, instead of the scene's: paths, or mutations of Markov chains
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub(super) spp: Option<u32>,
-    /// Render for this long instead, such as 30s, 2.5m or 1h
+    /// Be done after this long, denoising and writing included, such as 30s, 2.5m or 1h
     #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "spp")]
     pub(super) time: Option<Duration>,
+    /// Stop when the estimated relative L2 of the picture, denoised if it is, is at most this; --spp or --time are then the
+    /// most that is spent [default: 65536 samples per pixel]
+    #[arg(long, value_name = "ERROR", value_parser = target, conflicts_with = "no_estimate")]
+    pub(super) target_error: Option<f64>,
     /// Keep what there is this often, such as 5m or 30s, in a file beside the output from which --resume goes on; or off
     #[arg(long, value_name = "TIME", default_value = "5m", value_parser = interval)]
     pub(super) checkpoint: Interval,
@@ -116,7 +120,7 @@ pub(super) struct Render {
     #[arg(long)]
     pub(super) resume: bool,
     /// Take only every N-th sample or chain, from number I on: for machine I of N, counted from 0. `merge` makes the picture
-    #[arg(long, value_name = "I/N", default_value = "0/1", conflicts_with_all = ["time", "strategies", "replay"])]
+    #[arg(long, value_name = "I/N", default_value = "0/1", conflicts_with_all = ["time", "target_error", "strategies", "replay"])]
     pub(super) shard: Shard,
     /// What takes the noise out
     #[arg(long, value_enum, default_value_t)]
@@ -176,6 +180,9 @@ pub(super) struct Merge {
     /// Also write the two independent halves of every layer
     #[arg(long)]
     pub(super) halves: bool,
+    /// Do not estimate the error of the denoised picture: that takes twice the time of denoising
+    #[arg(long)]
+    pub(super) no_estimate: bool,
     /// Brighten the PNG by this many stops
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub(super) exposure: f32,
@@ -473,6 +480,13 @@ fn noise(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|noise: &f64| *noise >= 0.0 && noise.is_finite())
         .ok_or_else(|| "expected zero or a positive number, such as 0.001".to_owned())
+}
+
+fn target(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|error: &f64| *error > 0.0 && error.is_finite())
+        .ok_or_else(|| "expected a positive number, such as 0.005".to_owned())
 }
 
 fn factor(text: &str) -> Result<f32, String> {

@@ -12,9 +12,11 @@ mod integrator;
 mod keep;
 mod letters;
 mod merge;
+mod outcome;
 mod progress;
 mod render;
 mod replay;
+mod spending;
 mod strategies;
 
 use args::{Arguments, Command};

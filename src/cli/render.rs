@@ -2,7 +2,8 @@
 
 use super::args::{Render, Sampler, SceneArguments};
 use super::keep::Keeper;
-use super::progress::{Progress, human};
+use super::outcome::Outcome;
+use super::spending::{Finished, Spending, Spent};
 use super::strategies::Pyramid;
 use super::{BadInput, Failure, denoising, integrator, replay};
 use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, check_memory};
@@ -10,16 +11,17 @@ use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
-use quietlight_denoise::{Denoised, ErrorEstimate, LayerKind, png};
+use quietlight_denoise::{LayerKind, png};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// True once the user asked to stop.
 pub(super) static STOP: AtomicBool = AtomicBool::new(false);
 
 pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
+    let start = Instant::now();
     let scene = load(&arguments.scene)?;
     let settings = settings(arguments, &scene);
     if let Some([x, y, sample]) = arguments.replay {
@@ -39,45 +41,22 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     // Before the render, so that hours are not spent for a file that is not a network.
     let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
 
-    let (width, height) = (scene.film.crop[2], scene.film.crop[3]);
-    let start = Instant::now();
-    let progress = match settings.budget {
-        Budget::Samples(samples) => {
-            let total = u64::from(width) * u64::from(height) * u64::from(samples);
-            let total = total.div_ceil(u64::from(settings.shard.count()));
-            Progress::new("render", "samples", total)
-        }
-        Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
-    };
-    let show = |done| match settings.budget {
-        Budget::Samples(_) => progress.at(done),
-        Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
-    };
     let keeper = Keeper::new(arguments, &output, notes(arguments, &scene, &settings));
-    let Some(mut rendering) = keeper.begin(&scene, &settings, &threads)? else { return Ok(()) };
-    keeper.run(&mut rendering, settings.budget, &threads, &show)?;
-    progress.finish();
+    let spending = Spending {
+        scene: &scene,
+        settings,
+        threads: &threads,
+        arguments,
+        output: &output,
+        keeper: &keeper,
+    };
     if keeper.is_part() {
-        return keeper.finish_part(&rendering);
+        return spending.render_part();
     }
-    let mut rendered = rendering.finish();
-
+    let Spent { mut rendered, finished, note } = spending.spend(denoiser.as_ref(), start)?;
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
     let is_interrupted = STOP.load(Ordering::Relaxed);
-    let start = Instant::now();
-    let denoised = match &denoiser {
-        Some(denoiser) if !is_interrupted => {
-            Some(denoising::run(denoiser, &rendered.layers, &threads).map_err(Failure::Failed)?)
-        }
-        _ => None,
-    };
-    let denoising = denoised.as_ref().map(|_| start.elapsed());
-    let error = match (&denoiser, &denoised) {
-        (Some(denoiser), Some(denoised)) if !arguments.no_estimate => {
-            denoising::estimate(denoised, denoiser, &rendered.layers, &threads)?
-        }
-        _ => None,
-    };
+    let Finished { denoised, denoising, error } = finished;
 
     let threads_used = ("threads".to_owned(), threads.current_num_threads().to_string());
     rendered.layers.metadata.extend(keeper.notes().clone());
@@ -125,6 +104,9 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         noise,
         error: error.as_ref(),
     };
+    if let Some(note) = note {
+        eprintln!("{note}");
+    }
     if arguments.json {
         outcome.print_json();
     } else {
@@ -250,84 +232,4 @@ pub(super) fn describe(rendered: &mut Rendered) {
     ];
     rendered.layers.metadata.extend(facts.map(|(name, value)| (name.to_owned(), value)));
     rendered.layers.metadata.extend(rendered.report.facts.iter().cloned());
-}
-
-/// What the last line tells.
-struct Outcome<'a> {
-    output: &'a Path,
-    png: &'a Path,
-    rendered: &'a Rendered,
-    /// `None` where the noise was left in.
-    denoised: Option<&'a Denoised>,
-    denoising: Option<Duration>,
-    /// Of the rendered picture.
-    noise: Option<f64>,
-    /// Of the denoised picture.
-    error: Option<&'a ErrorEstimate>,
-}
-
-impl Outcome<'_> {
-    /// Samples of the whole picture per second of wall time.
-    fn speed(&self) -> f64 {
-        let pixels = self.rendered.layers.width * self.rendered.layers.height;
-        pixels as f64 * f64::from(self.rendered.samples)
-            / self.rendered.elapsed.as_secs_f64().max(1e-9)
-    }
-
-    fn print(&self) {
-        let Self { output, png, rendered, denoised, denoising, noise, error } = self;
-        if rendered.invalid_samples > 0 {
-            eprintln!(
-                "warning: {} samples were not finite and were dropped; layer invalid.N tells where, --replay why",
-                rendered.invalid_samples
-            );
-        }
-        for warning in &rendered.report.warnings {
-            eprintln!("warning: {warning}");
-        }
-        for (name, value) in &rendered.report.facts {
-            println!("{name}: {value}");
-        }
-        let noise =
-            noise.map_or("unknown with one sample".to_owned(), |noise| format!("{noise:.2e}"));
-        let denoised = match (denoised, denoising) {
-            (Some(denoised), Some(time)) => {
-                format!("denoised by {} in {:.1} s", denoised.by, time.as_secs_f64())
-            }
-            _ => "not denoised".to_owned(),
-        };
-        let error = error
-            .map_or_else(String::new, |error| format!(", after {}", denoising::in_words(error)));
-        println!(
-            "{} and {}: {} samples per pixel in {:.1} s ({}samples/s), {denoised}; \
-             relative L2, estimated from the halves: before denoising {noise}{error}",
-            output.display(),
-            png.display(),
-            rendered.samples,
-            rendered.elapsed.as_secs_f64(),
-            human(self.speed()),
-        );
-    }
-
-    fn print_json(&self) {
-        let json = serde_json::json!({
-            "output": self.output,
-            "png": self.png,
-            "width": self.rendered.layers.width,
-            "height": self.rendered.layers.height,
-            "integrator": self.rendered.layers.metadata.get("integrator"),
-            "samples": self.rendered.samples,
-            "invalid_samples": self.rendered.invalid_samples,
-            "render_seconds": self.rendered.elapsed.as_secs_f64(),
-            "denoise_seconds": self.denoising.map(|denoising| denoising.as_secs_f64()),
-            "denoiser": self.denoised.map(denoising::json),
-            "samples_per_second": self.speed(),
-            "estimated_noisy_relative_l2": self.noise,
-            "estimated_relative_l2": self.error.map(|error| error.relative_l2),
-            "estimated_relative_l2_interval": self.error.map(|error| error.interval),
-            "facts": self.rendered.report.facts.iter().cloned().collect::<BTreeMap<_, _>>(),
-            "warnings": self.rendered.report.warnings,
-        });
-        println!("{json:#}");
-    }
 }

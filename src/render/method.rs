@@ -17,7 +17,7 @@ use std::fmt::Debug;
 
 /// A render under way by a method that makes its picture in rounds, from splats or otherwise. The feature layers come from
 /// path tracing; the method gives the radiance.
-pub(super) trait Method: Debug + Send {
+pub(super) trait Method: Debug + Send + Sync {
     /// Does the next round, on the threads of the current rayon pool: about a second of work or less, so that the clock and
     /// Ctrl-C are heeded, and ending exactly at `most` samples or mutations per pixel if these are reached in it. What is
     /// in the picture then depends on `most` and on nothing else: not on the clock, nor on the number of threads, nor on

@@ -14,6 +14,7 @@ mod spread;
 mod state;
 mod strategies;
 pub mod survey;
+mod target;
 mod units;
 mod visibility;
 
@@ -25,6 +26,7 @@ pub use sampled::replay;
 pub use shard::Shard;
 pub use state::{Header, State, StateError};
 pub use strategies::{StrategyImage, strategies, strategy_images};
+pub use target::{Ending, Target};
 
 use crate::integrator::Integrator;
 use crate::scene::Scene;
@@ -33,9 +35,9 @@ use quietlight_denoise::Layers;
 use sampled::{Sampled, next_pass};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -146,7 +148,7 @@ pub struct Rendering<'a> {
     method: Option<Box<dyn Method + 'a>>,
     elapsed: Duration,
     /// Once it was asked for.
-    plan: OnceCell<Plan>,
+    plan: OnceLock<Plan>,
 }
 
 impl<'a> Rendering<'a> {
@@ -159,7 +161,7 @@ impl<'a> Rendering<'a> {
             sampled,
             method: None,
             elapsed: Duration::ZERO,
-            plan: OnceCell::new(),
+            plan: OnceLock::new(),
         }
     }
 
@@ -245,9 +247,12 @@ impl<'a> Rendering<'a> {
             Budget::Time(_) => u32::MAX,
         };
         while !method.is_complete(most) && !stop.load(Ordering::Relaxed) {
+            let round = Instant::now();
             method.round(most);
             progress(method.found().done());
-            if matches!(budget, Budget::Time(time) if clock.elapsed() >= time) {
+            // A round more would end later than now is early.
+            let next = clock.elapsed() + round.elapsed() / 2;
+            if matches!(budget, Budget::Time(time) if next >= time) {
                 break;
             }
         }
@@ -304,7 +309,7 @@ impl<'a> Rendering<'a> {
         let State { header: Header { plan, elapsed, .. }, taken, found } = state;
         let sampled = Sampled::new(scene, settings).with(taken.into_owned());
         let method = found.and_then(|found| method::start(scene, settings, Some(found)));
-        let plan = OnceCell::from(plan);
+        let plan = OnceLock::from(plan);
         Ok(Self { scene, settings: *settings, sampled, method, elapsed, plan })
     }
 

@@ -19,8 +19,8 @@ mod xml;
 pub use camera::{Camera, CameraError, FovAxis, LensHit, LensView, Perspective};
 pub use change::Changes;
 pub use error::{Location, SceneError};
-pub use material::{Material, MaterialId};
 pub use inventory::{ImageFacts, Inventory};
+pub use material::{Material, MaterialId};
 pub use requirements::Requirements;
 
 use crate::emitter::{EmitterId, Emitters};
