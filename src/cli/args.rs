@@ -25,6 +25,8 @@ pub(super) enum Command {
     Compare(Compare),
     /// Make training pairs: noisy renders of many views, each with a converged one
     Dataset(Dataset),
+    /// Measure error against seconds of integrators and denoisers on scenes, and tell what to choose
+    Tradeoff(super::tradeoff::Tradeoff),
     /// Show what a scene requires, and what will therefore run
     Inspect(Inspect),
     /// Check this machine: threads, SIMD, and a small render from end to end
@@ -111,7 +113,11 @@ pub(super) struct Render {
     pub(super) time: Option<Duration>,
     /// Stop when the estimated relative L2 of the picture, denoised if it is, is at most this; --spp or --time are then the
     /// most that is spent [default: 65536 samples per pixel]
+<<<<<<< HEAD
     #[arg(long, value_name = "ERROR", value_parser = target, conflicts_with = "no_estimate")]
+=======
+    #[arg(long, value_name = "ERROR", value_parser = target, conflicts_with_all = ["no_estimate", "resume", "shard"])]
+>>>>>>> main
     pub(super) target_error: Option<f64>,
     /// Keep what there is this often, such as 5m or 30s, in a file beside the output from which --resume goes on; or off
     #[arg(long, value_name = "TIME", default_value = "5m", value_parser = interval)]
@@ -456,7 +462,7 @@ fn interval(text: &str) -> Result<Interval, String> {
 }
 
 /// Reads a time with its unit; seconds where there is none.
-fn time(text: &str) -> Result<Duration, String> {
+pub(super) fn time(text: &str) -> Result<Duration, String> {
     let units = [("ms", 1e-3), ("s", 1.0), ("m", 60.0), ("h", 3600.0)];
     let (number, seconds) = units
         .iter()

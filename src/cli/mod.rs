@@ -18,6 +18,7 @@ mod render;
 mod replay;
 mod spending;
 mod strategies;
+mod tradeoff;
 
 use args::{Arguments, Command};
 use clap::{CommandFactory, Parser};
@@ -61,6 +62,7 @@ pub fn run() -> ExitCode {
         Command::Denoise(command) => denoise::run(&command),
         Command::Compare(command) => compare::run(&command),
         Command::Dataset(command) => dataset::run(&command),
+        Command::Tradeoff(command) => tradeoff::run(&command),
         Command::Inspect(command) => inspect::run(&command),
         Command::Doctor => doctor::run(),
         Command::Completions { shell } => {

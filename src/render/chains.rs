@@ -291,7 +291,7 @@ impl Splats {
     }
 
     pub(super) fn samples(&self) -> u32 {
-        (self.done / self.pixels) as u32
+        per_pixel(self.done, self.pixels)
     }
 
     pub(super) fn invalid(&self) -> u64 {
@@ -341,5 +341,23 @@ impl Splats {
             );
         }
         report
+    }
+}
+
+/// Mutations per pixel, rounded down; the most that there may be where whole rounds of all chains went beyond it.
+fn per_pixel(mutations: u64, pixels: u64) -> u32 {
+    (mutations / pixels).try_into().unwrap_or(u32::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::per_pixel;
+
+    #[test]
+    fn more_mutations_than_32_bits_hold_are_not_counted_from_0_again() {
+        assert_eq!(per_pixel(1_000_000_000, 1), 1_000_000_000);
+        assert_eq!(per_pixel(1 << 40, 65_536 * 65_536), 256);
+        // 4096 chains of 2²⁰ mutations for one pixel: the time was longer than its counter.
+        assert_eq!(per_pixel(1 << 32, 1), u32::MAX);
     }
 }

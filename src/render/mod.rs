@@ -258,6 +258,12 @@ impl<'a> Rendering<'a> {
         }
     }
 
+    /// Non-finite samples and splats dropped so far.
+    pub fn invalid_samples(&self) -> u64 {
+        let found = self.method.as_ref().map(|method| method.found());
+        state::invalid(self.sampled.taken(), found.as_ref())
+    }
+
     /// The layers as the samples so far give them, with corrected variances.
     pub fn layers(&self) -> Layers {
         let found = self.method.as_ref().map(|method| method.found());
@@ -320,7 +326,7 @@ impl<'a> Rendering<'a> {
         Rendered {
             layers: self.layers(),
             samples: self.samples(),
-            invalid_samples: state::invalid(self.sampled.taken(), found.as_ref()),
+            invalid_samples: self.invalid_samples(),
             report: found.map_or_else(Report::default, |found| found.report()),
             elapsed: self.elapsed + start.elapsed(),
         }

@@ -175,7 +175,7 @@ fn describe(path: &Path, options: &LoadOptions) -> Result<build::Description, Sc
 }
 
 /// The scene file that a path means: itself, or what is in the folder: `scene.xml`, else the only `.obj`.
-fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
+pub(crate) fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
     let refuse = |problem: &str| SceneError::NoScene {
         path: path.to_path_buf(),
         problem: problem.to_owned(),

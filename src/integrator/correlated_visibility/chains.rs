@@ -53,8 +53,13 @@ impl<'a> VisibilityRendering<'a> {
             window: self.settings.window.max(1),
         };
         let (mut sums, mut deposited) = (std::mem::take(&mut self.found.sums), 0.0);
+        let mut invalid = 0;
         let mut leave = |deposit: &Deposit| {
             let Deposit { slot, energy, diffuse, specular } = *deposit;
+            if !((diffuse + specular).is_finite() && energy.is_finite()) {
+                invalid += 1;
+                return;
+            }
             sums[pixels[slot as usize] as usize].add(diffuse, specular, energy);
         };
         for seed in seeds {
@@ -85,6 +90,7 @@ impl<'a> VisibilityRendering<'a> {
         }
         self.found.sums = sums;
         self.found.ledger.deposited += deposited;
+        self.found.ledger.invalid += invalid;
     }
 }
 
