@@ -113,11 +113,7 @@ pub(super) struct Render {
     pub(super) time: Option<Duration>,
     /// Stop when the estimated relative L2 of the picture, denoised if it is, is at most this; --spp or --time are then the
     /// most that is spent [default: 65536 samples per pixel]
-<<<<<<< HEAD
     #[arg(long, value_name = "ERROR", value_parser = target, conflicts_with = "no_estimate")]
-=======
-    #[arg(long, value_name = "ERROR", value_parser = target, conflicts_with_all = ["no_estimate", "resume", "shard"])]
->>>>>>> main
     pub(super) target_error: Option<f64>,
     /// Keep what there is this often, such as 5m or 30s, in a file beside the output from which --resume goes on; or off
     #[arg(long, value_name = "TIME", default_value = "5m", value_parser = interval)]

@@ -67,24 +67,20 @@ struct Afterwards {
 }
 
 impl Spending<'_> {
-    /// Renders and denoises; `start` is when the program began. `None` where only a shard was to be rendered, which is written.
+    /// Renders and denoises; `start` is when the program began.
     pub(super) fn spend(
         &self,
         denoiser: Option<&Denoiser>,
         start: Instant,
-    ) -> Result<Option<Spent>, Failure> {
+    ) -> Result<Spent, Failure> {
         let estimates = !self.arguments.no_estimate;
         if let Some(error) = self.arguments.target_error {
-            return self.reach(error, denoiser, start).map(Some);
+            return self.reach(error, denoiser, start);
         }
         let Budget::Time(time) = self.settings.budget else {
-<<<<<<< HEAD
             let rendered = self.render(self.settings)?;
-=======
-            let Some(rendered) = self.render(self.settings.budget)? else { return Ok(None) };
->>>>>>> main
             let finished = self.finish(denoiser, &rendered.layers, estimates)?;
-            return Ok(Some(Spent { rendered, finished, note: None }));
+            return Ok(Spent { rendered, finished, note: None });
         };
         let after = self.afterwards(denoiser)?;
         let total = time.as_secs_f64();
@@ -99,16 +95,11 @@ impl Spending<'_> {
             )
         });
         let budget = Budget::Time(Duration::from_secs_f64(left.max(least)));
-<<<<<<< HEAD
         let rendered = self.render(RenderSettings { budget, ..self.settings })?;
-=======
-        let Some(rendered) = self.render(budget)? else { return Ok(None) };
->>>>>>> main
         let finished = self.finish(denoiser, &rendered.layers, estimates)?;
-        Ok(Some(Spent { rendered, finished, note }))
+        Ok(Spent { rendered, finished, note })
     }
 
-<<<<<<< HEAD
     /// Renders a part of the picture's samples into a file for `quietlight merge`.
     pub(super) fn render_part(&self) -> Result<(), Failure> {
         if self.keeper.is_part_done(self.scene, &self.settings)? {
@@ -125,36 +116,18 @@ impl Spending<'_> {
 
     fn run(&self, settings: RenderSettings) -> Result<Rendering<'_>, Failure> {
         let mut rendering = self.keeper.begin(self.scene, &settings, self.threads)?;
-=======
-    /// Renders, from where an earlier run ended if that is asked for. `None` where only a shard was to be rendered.
-    fn render(&self, budget: Budget) -> Result<Option<Rendered>, Failure> {
->>>>>>> main
         let start = Instant::now();
-        let progress = match budget {
+        let progress = match settings.budget {
             Budget::Samples(samples) => self.progress(samples),
             Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
         };
-        let show = |done| match budget {
+        let show = |done| match settings.budget {
             Budget::Samples(_) => progress.at(done),
             Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
         };
-<<<<<<< HEAD
         self.keeper.run(&mut rendering, settings.budget, self.threads, &show);
         progress.finish();
         Ok(rendering)
-=======
-        let Some(mut rendering) = self.keeper.begin(self.scene, &self.settings, self.threads)?
-        else {
-            return Ok(None);
-        };
-        self.keeper.run(&mut rendering, budget, self.threads, &show)?;
-        progress.finish();
-        if self.keeper.is_part() {
-            self.keeper.finish_part(&rendering)?;
-            return Ok(None);
-        }
-        Ok(Some(self.threads.install(|| rendering.finish())))
->>>>>>> main
     }
 
     fn progress(&self, samples: u32) -> Progress {

@@ -116,14 +116,6 @@ impl Film {
         Self { settings, kept, tiles }
     }
 
-<<<<<<< HEAD
-    /// How many numbers a film with these layers keeps of each pixel.
-    pub fn numbers(requirements: &Requirements) -> usize {
-        Self::count(|kind| requirements.needs(kind))
-    }
-
-=======
->>>>>>> main
     /// Bytes that a film of this size and these layers takes.
     pub fn bytes(settings: FilmSettings, requirements: &Requirements) -> u64 {
         Self::bytes_of(settings, |kind| requirements.needs(kind))

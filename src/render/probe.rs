@@ -74,11 +74,7 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
             seconds_per_sample_per_pixel: per_sample,
             seconds_per_feature_per_pixel: 0.0,
             pixels,
-<<<<<<< HEAD
             bytes,
-=======
-            bytes: film + Film::layer_bytes(scene.film, &requirements),
->>>>>>> main
             uncertainty,
         };
     }
@@ -89,12 +85,7 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
         seconds_per_sample_per_pixel: rounds.per_sample,
         seconds_per_feature_per_pixel: features.per_sample,
         pixels,
-<<<<<<< HEAD
         bytes,
-=======
-        // A film of splats has six sums a pixel, with their squares and halves; some methods have two films.
-        bytes: film + Film::layer_bytes(scene.film, &requirements) + 2 * 6 * 24 * pixels,
->>>>>>> main
         uncertainty: rounds.uncertainty,
     }
 }
@@ -150,11 +141,7 @@ pub fn middle(scene: &Scene, settings: &RenderSettings, side: u32) -> Layers {
     let crop = [left + (width - size[0]) / 2, top + (height - size[1]) / 2, size[0], size[1]];
     let mut sampled = Sampled::of_crop(scene, settings, crop);
     sampled.pass(2, &|_| {});
-<<<<<<< HEAD
     sampled.layers()
-=======
-    sampled.taken().layers(scene.origin)
->>>>>>> main
 }
 
 /// What patches of the picture take by path tracing, in seconds.
@@ -219,7 +206,7 @@ fn patches(scene: &Scene, settings: &RenderSettings, length: Duration) -> Patche
     }
     let all: u64 = patches.iter().map(|patch| patch.pixels).sum();
     let making = Instant::now();
-    patches.par_iter().for_each(|patch| drop(patch.sampled.taken().layers(scene.origin)));
+    patches.par_iter().for_each(|patch| drop(patch.sampled.layers()));
     let making = making.elapsed().as_secs_f64() * rayon::current_num_threads() as f64;
     let times: Vec<f64> = patches.iter().map(|patch| patch.time.as_secs_f64()).collect();
     Patches {
