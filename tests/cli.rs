@@ -573,7 +573,7 @@ fn pictures_of_two_seeds_merge_into_one_with_all_their_samples() {
 /// Runs a render and kills it after so long, over and over, each time going on from what was kept; then lets it end. Returns how
 /// often there was something to go on from.
 fn killed(render: &[&str], folder: &Path, output: &str, times: u32, most: Duration) -> u32 {
-    let mut resumed = 0;
+    let (mut resumed, mut kept) = (0, 0);
     let checkpoint = Path::new(output).with_extension("checkpoint");
     for time in 0..times {
         let mut child = Command::new(env!("CARGO_BIN_EXE_quietlight"))
@@ -585,17 +585,20 @@ fn killed(render: &[&str], folder: &Path, output: &str, times: u32, most: Durati
             .spawn()
             .expect("the binary runs");
         // Moments spread evenly (golden ratio), whatever the machine does.
-        let part = (f64::from(time) * 0.618_033_988_75).fract();
-        std::thread::sleep(most.mul_f64(part));
+        let after = most.mul_f64((f64::from(time) * 0.618_033_988_75).fract());
+        std::thread::sleep(after);
         child.kill().expect("it is killed, or has ended");
         child.wait().expect("it is gone");
         for name in names(folder) {
             assert!(!name.ends_with(".part"), "{name} is left behind");
         }
         if folder.join(&checkpoint).exists() {
-            State::read(&folder.join(&checkpoint)).expect("the checkpoint is whole");
+            let state = State::read(&folder.join(&checkpoint)).expect("the checkpoint is whole");
+            assert!(state.samples() >= kept, "{kept} samples were kept, now {}", state.samples());
+            kept = state.samples();
             resumed += 1;
         }
+        println!("{time}: killed after {:.3} s; kept: {kept} samples", after.as_secs_f64());
     }
     let done =
         quietlight(&[render, &["-o", output, "--resume", "--checkpoint", "1ms"]].concat(), folder);

@@ -1,10 +1,10 @@
 //! What a render will cost, from a short part of it.
 
+use super::memory;
 use super::method;
 use super::sampled::Sampled;
 use super::{Budget, FEATURE_SAMPLES, RenderSettings};
-use crate::film::Film;
-use crate::scene::{Requirements, Scene};
+use crate::scene::Scene;
 use quietlight_denoise::{Denoiser, Error, Layers};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -65,8 +65,7 @@ impl Cost {
 ///
 /// Memory of the method's own that does not grow with the picture is not counted.
 pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost {
-    let requirements = Requirements::of(scene);
-    let film = Film::bytes(scene.film, &requirements);
+    let bytes = memory::bytes(scene, settings);
     let pixels = scene.film.crop_pixels();
     if settings.integrator.is_path() {
         let Patches { per_sample, per_pixel, uncertainty } = patches(scene, settings, length);
@@ -75,7 +74,7 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
             seconds_per_sample_per_pixel: per_sample,
             seconds_per_feature_per_pixel: 0.0,
             pixels,
-            bytes: film + Film::layer_bytes(scene.film, &requirements),
+            bytes,
             uncertainty,
         };
     }
@@ -86,8 +85,7 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
         seconds_per_sample_per_pixel: rounds.per_sample,
         seconds_per_feature_per_pixel: features.per_sample,
         pixels,
-        // A film of splats has six sums a pixel, with their squares and halves; some methods have two films.
-        bytes: film + Film::layer_bytes(scene.film, &requirements) + 2 * 6 * 24 * pixels,
+        bytes,
         uncertainty: rounds.uncertainty,
     }
 }
@@ -143,7 +141,7 @@ pub fn middle(scene: &Scene, settings: &RenderSettings, side: u32) -> Layers {
     let crop = [left + (width - size[0]) / 2, top + (height - size[1]) / 2, size[0], size[1]];
     let mut sampled = Sampled::of_crop(scene, settings, crop);
     sampled.pass(2, &|_| {});
-    sampled.taken().layers(scene.origin)
+    sampled.layers()
 }
 
 /// What patches of the picture take by path tracing, in seconds.
@@ -208,7 +206,7 @@ fn patches(scene: &Scene, settings: &RenderSettings, length: Duration) -> Patche
     }
     let all: u64 = patches.iter().map(|patch| patch.pixels).sum();
     let making = Instant::now();
-    patches.par_iter().for_each(|patch| drop(patch.sampled.taken().layers(scene.origin)));
+    patches.par_iter().for_each(|patch| drop(patch.sampled.layers()));
     let making = making.elapsed().as_secs_f64() * rayon::current_num_threads() as f64;
     let times: Vec<f64> = patches.iter().map(|patch| patch.time.as_secs_f64()).collect();
     Patches {
