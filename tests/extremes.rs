@@ -43,8 +43,8 @@ use crate::support::mean::Mean;
 use crate::support::scenes::{layer, render_finite, scaled, scene_around, scene_from, settings};
 use crate::support::{LEVEL, sidak};
 use quietlight::integrator::{
-    Bdpt, CorrelatedVisibility, Erpt, Integrator, Mlt, Mutations, PathTracing, PrimaryPaths, Pssmlt,
-    Strategy,
+    Bdpt, CorrelatedVisibility, Erpt, Integrator, Mlt, Mutations, PathTracing, PrimaryPaths,
+    Pssmlt, Strategy,
 };
 use quietlight::render::{RenderSettings, Rendered};
 use quietlight::scene::{LoadOptions, Scene};
@@ -84,7 +84,9 @@ fn methods() -> [(&'static str, Integrator); 8] {
 fn with_few_candidates(integrator: Integrator, count: u32) -> Integrator {
     match integrator {
         Integrator::Mlt(mlt) => Integrator::Mlt(Mlt { bootstrap_pairs: count, ..mlt }),
-        Integrator::Pssmlt(method) => Integrator::Pssmlt(Pssmlt { bootstrap_samples: count, ..method }),
+        Integrator::Pssmlt(method) => {
+            Integrator::Pssmlt(Pssmlt { bootstrap_samples: count, ..method })
+        }
         other => other,
     }
 }
@@ -181,4 +183,3 @@ fn room(depth: i32, bsdf: &str) -> Scene {
         ),
     )
 }
-

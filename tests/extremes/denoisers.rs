@@ -96,7 +96,11 @@ fn one_sample_a_pixel_of_every_method_is_denoised() {
             // Of one sample nobody knows the noise, and nothing noisy is mixed back in; chains are in two halves.
             let is_sampled = matches!(method, "path" | "bdpt" | "visibility");
             if is_sampled && name.starts_with("kpcn") {
-                let (_, told) = &denoised.details.iter().find(|(key, _)| *key == "denoiser.mixture").expect("told");
+                let (_, told) = &denoised
+                    .details
+                    .iter()
+                    .find(|(key, _)| *key == "denoiser.mixture")
+                    .expect("told");
                 assert!(told.contains("not known"), "{method}, {name}: {told}");
             }
         }
@@ -170,7 +174,8 @@ fn features_that_are_constant_or_missing_leave_a_finite_picture_of_the_same_ligh
     let features: Vec<LayerKind> =
         sound.layers.keys().copied().filter(|kind| !kind.is_radiance()).collect();
     assert_eq!(features.len(), 6, "{features:?}");
-    let mean = |image: &Image| image.iter().map(|&v| f64::from(v)).sum::<f64>() / image.len() as f64;
+    let mean =
+        |image: &Image| image.iter().map(|&v| f64::from(v)).sum::<f64>() / image.len() as f64;
     let light = mean(&sound.layers[&LayerKind::Beauty].mean);
     for (name, denoiser) in denoisers() {
         let check = |layers: &Layers, what: &str| {

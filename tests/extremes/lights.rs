@@ -29,7 +29,10 @@ fn darkness_stays_dark_and_is_told() {
                 let image = denoised(denoiser, running, &rendered.layers).image;
                 assert!(image.iter().all(|&value| value == 0.0), "{name}, {denoiser}");
                 let scores = [relative_l2(&image, mean), flip(&image, mean, 67.0)];
-                assert!(scores.into_iter().all(|score| score.expect("a score") == 0.0), "{denoiser}");
+                assert!(
+                    scores.into_iter().all(|score| score.expect("a score") == 0.0),
+                    "{denoiser}"
+                );
             }
         }
     }

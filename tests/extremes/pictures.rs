@@ -72,11 +72,17 @@ fn a_picture_65536_wide_is_filled_to_its_last_column_and_in_no_wrong_one() {
         let beauty = layer(&rendered, LayerKind::Beauty).0;
         assert_eq!(beauty.dim(), (3, 1, 65536));
         for (channel, wrong) in [(0, 32768..65536), (1, 0..65536), (2, 0..32768)] {
-            assert!(wrong.clone().all(|x| beauty[[channel, 0, x]] == 0.0), "{name}, {channel} {wrong:?}");
+            assert!(
+                wrong.clone().all(|x| beauty[[channel, 0, x]] == 0.0),
+                "{name}, {channel} {wrong:?}"
+            );
         }
         // The pixel of the middle of the film is 1 wide, and the last ones are as bright. Chains come to 1 in 64 of them.
-        for (channel, right) in [(0, 0..1024), (0, 31744..32768), (2, 32768..33792), (2, 64512..65536)] {
-            let mean = right.clone().map(|x| f64::from(beauty[[channel, 0, x]])).sum::<f64>() / 1024.0;
+        for (channel, right) in
+            [(0, 0..1024), (0, 31744..32768), (2, 32768..33792), (2, 64512..65536)]
+        {
+            let mean =
+                right.clone().map(|x| f64::from(beauty[[channel, 0, x]])).sum::<f64>() / 1024.0;
             assert!((mean - 1.0).abs() < 0.9, "{name}: {mean} in {right:?}");
         }
     }

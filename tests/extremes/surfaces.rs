@@ -131,9 +131,13 @@ fn nearly_black_surfaces_end_walks_without_a_zero_by_zero() {
     for (name, integrator) in methods() {
         let found = replicas(&scene("1e-12"), integrator, REPLICAS, 64);
         for (found, expected) in found.iter().zip(expected) {
-            let (found, error) = (found.mean() / expected, found.variance_of_mean().sqrt() / expected);
+            let (found, error) =
+                (found.mean() / expected, found.variance_of_mean().sqrt() / expected);
             // The reference itself knows 0.2 %.
-            assert!((found - 1.0).abs() < 6.5 * error + 0.01 && error < 0.1, "{name}: {found} ± {error}");
+            assert!(
+                (found - 1.0).abs() < 6.5 * error + 0.01 && error < 0.1,
+                "{name}: {found} ± {error}"
+            );
         }
     }
 }

@@ -27,7 +27,8 @@ impl Cell {
 
     /// Deviation, its error and z, and the time relative to `base`.
     fn text(&self, base: Option<f64>, level: f64) -> String {
-        let mut text = format!("{:+.2} ± {:.2} %, {:.1}", 100.0 * self.deviation, 100.0 * self.error, self.z);
+        let mut text =
+            format!("{:+.2} ± {:.2} %, {:.1}", 100.0 * self.deviation, 100.0 * self.error, self.z);
         if let Some(base) = base.filter(|&base| base > 0.0) {
             write!(text, ", ×{:.2}", self.seconds / base).expect("a string");
         }
