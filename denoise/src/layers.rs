@@ -54,6 +54,8 @@ pub struct Layers {
     pub samples: Option<Image>,
     /// Non-finite samples dropped in each pixel, `[1, height, width]`.
     pub invalid: Option<Image>,
+    /// Estimated relative squared error of the picture, smooth, `[1, height, width]`; its mean is the relative L2.
+    pub error: Option<Image>,
     /// What is known of how the picture was made: scene, integrator, seed, samples, seconds, version ...
     pub metadata: BTreeMap<String, String>,
 }
@@ -132,7 +134,9 @@ impl Layers {
                 check(&|| format!("{}.{suffix}", kind.name()), image, channels)?;
             }
         }
-        for (name, image) in [("samples", &self.samples), ("invalid", &self.invalid)] {
+        for (name, image) in
+            [("samples", &self.samples), ("invalid", &self.invalid), ("error", &self.error)]
+        {
             if let Some(image) = image {
                 check(&|| name.into(), image, 1)?;
             }

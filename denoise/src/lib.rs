@@ -5,6 +5,7 @@ pub mod bilateral;
 pub mod blend;
 pub mod denoiser;
 pub mod error;
+pub mod estimate;
 mod exp;
 mod exposure;
 pub mod exr;
@@ -22,6 +23,7 @@ mod window;
 
 pub use denoiser::{Denoised, Denoiser};
 pub use error::Error;
+pub use estimate::ErrorEstimate;
 pub use layers::{Image, Layer, LayerKind, Layers};
 
 /// Luminance of linear Rec. 709: the weights of red, green and blue (ITU-R BT.709).

@@ -1,6 +1,7 @@
 //! Plain pictures of three channels in the formats that people have: EXR, PFM, Radiance HDR, PNG, JPEG.
 
 use std::collections::BTreeMap;
+use std::io::Cursor;
 use std::path::Path;
 
 use crate::error::Error;
@@ -62,6 +63,23 @@ pub(crate) fn read_contents(path: &Path) -> Result<Contents, Error> {
     })
 }
 
+/// Refuses a header that promises more pixels than `length` bytes of PNG, JPEG or Radiance HDR can hold, before memory is
+/// asked for: a damaged header easily asks for gigabytes. The densest is a PNG of one bit a pixel, which deflate shrinks
+/// 1032-fold at best (zlib's technical details); 2²² pixels are harmless in any case.
+///
+/// # Errors
+/// What the header promises, in words.
+pub fn check_promise(width: u32, height: u32, length: usize) -> Result<(), String> {
+    const MOST_PER_BYTE: u64 = 8 * 1032;
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > (1 << 22).max(MOST_PER_BYTE.saturating_mul(length as u64)) {
+        return Err(format!(
+            "its header promises {width}x{height} pixels, which {length} bytes cannot hold"
+        ));
+    }
+    Ok(())
+}
+
 /// PNG and JPEG (8 or 16 bits, sRGB) and Radiance HDR (linear).
 fn read_other(path: &Path) -> Result<Image, Error> {
     let damaged = |error: image::ImageError| match error {
@@ -76,10 +94,19 @@ fn read_other(path: &Path) -> Result<Image, Error> {
             expected: "a whole picture of the format its name says".into(),
         },
     };
-    let decoded = image::ImageReader::open(path)
-        .map_err(|source| Error::Io { path: path.into(), source })?
-        .decode()
+    let io = |source| Error::Io { path: path.into(), source };
+    let bytes = std::fs::read(path).map_err(io)?;
+    let format = image::ImageFormat::from_path(path).map_err(damaged)?;
+    let decoder = image::ImageReader::with_format(Cursor::new(&bytes), format)
+        .into_decoder()
         .map_err(damaged)?;
+    let (width, height) = image::ImageDecoder::dimensions(&decoder);
+    check_promise(width, height, bytes.len()).map_err(|found| Error::Format {
+        path: path.into(),
+        found,
+        expected: "a whole picture".into(),
+    })?;
+    let decoded = image::DynamicImage::from_decoder(decoder).map_err(damaged)?;
     let linear = matches!(
         decoded,
         image::DynamicImage::ImageRgb32F(_) | image::DynamicImage::ImageRgba32F(_)

@@ -31,6 +31,16 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
     let denoised = denoising::run(&denoiser, &layers, &threads).bad_input()?;
     let seconds = start.elapsed().as_secs_f64();
     layers.metadata.extend(denoised.facts());
+    layers.error = None;
+    let error = match arguments.no_estimate {
+        true => None,
+        false => denoising::estimate(&denoised, &denoiser, &layers, &threads)?,
+    };
+    if let Some(error) = &error {
+        let fact = ("estimated_relative_l2".to_owned(), denoising::in_words(error));
+        layers.metadata.extend([fact]);
+        layers.error = Some(error.map.clone());
+    }
 
     let output = &arguments.output;
     let png = output.with_extension("png");
@@ -51,6 +61,8 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
             "layers": used,
             "denoise_seconds": seconds,
             "denoiser": denoising::json(&denoised),
+            "estimated_relative_l2": error.as_ref().map(|error| error.relative_l2),
+            "estimated_relative_l2_interval": error.as_ref().map(|error| error.interval),
         });
         println!("{json:#}");
     } else {
@@ -60,6 +72,9 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
             denoised.by,
             used.join(", ")
         );
+        if let Some(error) = &error {
+            println!("relative L2, estimated from the halves: {}", denoising::in_words(error));
+        }
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ use super::args::{Denoiser as Asked, Networks, Quality};
 use super::progress::Progress;
 use super::{BadInput, Failure};
 use anyhow::anyhow;
-use quietlight_denoise::{Denoised, Denoiser, Error, Layers, kpcn};
+use quietlight_denoise::{Denoised, Denoiser, Error, ErrorEstimate, Layers, kpcn};
 
 /// The denoiser that the arguments ask for; `None` for none. `auto` falls back on the bilateral filter, with a warning, where
 /// the networks cannot run.
@@ -66,6 +66,27 @@ pub(super) fn run(
         eprintln!("warning: {mended} values of the layers were not usable and were replaced");
     }
     Ok(denoised)
+}
+
+/// Estimates the error of the denoised picture from the halves, with a progress bar; `None` where there are none. To be called
+/// outside of the threads of the pool.
+pub(super) fn estimate(
+    denoised: &Denoised,
+    denoiser: &Denoiser,
+    layers: &Layers,
+    threads: &rayon::ThreadPool,
+) -> anyhow::Result<Option<ErrorEstimate>> {
+    let progress = Progress::new("error", "steps", 1000);
+    let heard = |part: f32| progress.at((part * 1000.0) as u64);
+    let estimate = ErrorEstimate::of(&denoised.image, denoiser, layers, threads, &heard);
+    progress.finish();
+    Ok(estimate?)
+}
+
+/// For the metadata and the last line: the estimate and what it lies between.
+pub(super) fn in_words(estimate: &ErrorEstimate) -> String {
+    let [from, to] = estimate.interval;
+    format!("{:.2e} (90 %: {from:.1e} to {to:.1e})", estimate.relative_l2)
 }
 
 /// For the outcome as JSON.

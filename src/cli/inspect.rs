@@ -1,102 +1,56 @@
-//! `quietlight inspect`: what a scene requires, and what will therefore run.
+//! `quietlight inspect`: what a scene requires, what will therefore run, what it will cost, and what is left out.
 
-use super::Failure;
+mod cost;
+mod facts;
+
 use super::args::Inspect;
-use super::render::load;
-use crate::film::Film;
-use crate::geometry::Part;
-use crate::integrator::Choice;
-use crate::scene::Requirements;
-use quietlight_denoise::LayerKind;
-use quietlight_denoise::kpcn::{self, Branch};
+use super::render::{load, thread_pool};
+use super::{Failure, denoising};
+use cost::Costs;
+use facts::Facts;
+use std::time::Instant;
 
 pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
+    let start = Instant::now();
     let scene = load(&arguments.scene)?;
-    let requirements = Requirements::of(&scene);
-    let parts = scene.geometry.parts();
-    let triangles: usize = parts
-        .iter()
-        .map(|part| if let Part::Mesh(mesh) = part { mesh.triangles.len() } else { 0 })
-        .sum();
-    let analytic = parts.iter().filter(|part| !matches!(part, Part::Mesh(_))).count();
-    let layers: Vec<&str> = LayerKind::ALL
-        .into_iter()
-        .filter(|&layer| requirements.needs(layer))
-        .map(LayerKind::name)
-        .collect();
-    let [_, _, width, height] = scene.film.crop;
-    let megabytes = |bytes: u64| bytes as f64 / 1e6;
-    let choice = Choice::of(&scene);
-    let film = megabytes(Film::bytes(scene.film, &requirements));
-    let tree = megabytes(scene.geometry.bytes() as u64);
+    let loading = start.elapsed().as_secs_f64();
+    let threads = thread_pool(arguments.threads)?;
+    let facts = threads.install(|| Facts::of(&scene));
+    let costs = match arguments.no_probe {
+        true => None,
+        false => {
+            let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
+            Some(Costs::of(&scene, &facts, denoiser.as_ref(), &threads, loading)?)
+        }
+    };
     if arguments.json {
-        let json = serde_json::json!({
-            "width": width,
-            "height": height,
-            "samples": scene.samples,
-            "max_depth": scene.limits.max_depth,
-            "rr_depth": scene.limits.rr_depth,
-            "parts": parts.len(),
-            "triangles": triangles,
-            "analytic_shapes": analytic,
-            "materials": scene.materials.len(),
-            "emitters": scene.emitters.len(),
-            "has_specular": requirements.has_specular,
-            "has_delta": requirements.has_delta,
-            "has_masks": requirements.has_masks,
-            "has_defocus": requirements.has_defocus,
-            "layers": layers,
-            "networks": networks(&requirements),
-            "integrator": choice.integrator.name(),
-            "integrator_reason": choice.reason,
-            "film_megabytes": film,
-            "tree_megabytes": tree,
-            "warnings": scene.warnings,
-        });
+        let mut json = facts.json(&scene);
+        if let Some(costs) = &costs {
+            json["cost"] = costs.json();
+        }
         println!("{json:#}");
-        return Ok(());
-    }
-    let depth = scene
-        .limits
-        .max_depth
-        .map_or("without limit".to_owned(), |depth| format!("up to {depth} edges"));
-    println!("picture     {width}x{height}, {} samples per pixel, paths {depth}", scene.samples);
-    println!(
-        "geometry    {} parts: {triangles} triangles, {analytic} analytic shapes; {tree:.1} MB",
-        parts.len()
-    );
-    println!(
-        "materials   {}{}",
-        scene.materials.len(),
-        if requirements.has_delta { ", some delta" } else { "" }
-    );
-    println!("emitters    {}", scene.emitters.len());
-    println!("integrator  {}: {}", choice.integrator.name(), choice.reason);
-    println!("layers      {} ({film:.1} MB)", layers.join(", "));
-    println!("denoiser    {}", plan(&requirements));
-    for line in requirements.left_out() {
-        println!("left out    {line}");
+    } else {
+        facts.print(&scene);
+        if let Some(costs) = &costs {
+            costs.print();
+        }
+        for line in facts.requirements.left_out() {
+            say("left out", line);
+        }
     }
     Ok(())
 }
 
-/// The networks that `--denoiser kpcn` will run.
-fn networks(requirements: &Requirements) -> Vec<&'static str> {
-    let mut branches = vec![Branch::Diffuse];
-    if requirements.needs(LayerKind::Specular) {
-        branches.push(Branch::Specular);
-    }
-    branches.into_iter().map(Branch::name).collect()
+/// A line of a table: what it is about, and what there is to say.
+fn say(about: &str, text: impl std::fmt::Display) {
+    println!("{about:<12}{text}");
 }
 
-/// What will take the noise out.
-fn plan(requirements: &Requirements) -> String {
-    match kpcn::Denoiser::embedded(kpcn::Quality::default()) {
-        Ok(_) => format!(
-            "neural networks, {} quality: {}",
-            kpcn::Quality::default().name(),
-            networks(requirements).join(" and ")
-        ),
-        Err(_) => "cross-bilateral filter: there are no weights for the neural networks".to_owned(),
+/// Bytes for people: `1.5 MB`.
+fn megabytes(bytes: u64) -> String {
+    match bytes as f64 {
+        bytes if bytes >= 1e9 => format!("{:.2} GB", bytes / 1e9),
+        bytes if bytes >= 1e5 => format!("{:.1} MB", bytes / 1e6),
+        bytes => format!("{:.1} kB", bytes / 1e3),
     }
 }

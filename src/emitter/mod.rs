@@ -89,6 +89,23 @@ pub enum Emitter {
     Environment(Environment),
 }
 
+/// What an emitter is, without its numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EmitterKind {
+    /// A part of the scene.
+    Area,
+    /// A point.
+    Point,
+    /// A point with a cone.
+    Spot,
+    /// Parallel light.
+    Directional,
+    /// The same radiance from everywhere.
+    Constant,
+    /// An image of all directions.
+    Map,
+}
+
 /// Share of the choices that goes to all emitters equally. More would waste samples on dim emitters; less would make
 /// their light noisier where no bright emitter reaches, since a sample's weight is at most the number of emitters
 /// divided by this share.
@@ -243,6 +260,21 @@ impl Emitters {
         self.sources.len()
     }
 
+    /// Texels across and down of the environment map, if there is one.
+    pub fn map_size(&self) -> Option<[usize; 2]> {
+        match self.environment_source()? {
+            (_, Environment::Map(map)) => Some(map.size()),
+            (_, Environment::Constant(_)) => None,
+        }
+    }
+
+    /// What each is and its power in watts, mean of the three colours: of light from infinity, what enters
+    /// [`Emitters::target`].
+    pub fn kinds(&self) -> impl Iterator<Item = (EmitterKind, f64)> + '_ {
+        let radius = f64::from(self.target.radius);
+        self.sources.iter().map(move |source| (source.kind(), source.power(radius)))
+    }
+
     /// Are there none?
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
@@ -266,6 +298,17 @@ impl Source {
                 Self::Directional(Directional::new(direction, irradiance))
             }
             Emitter::Environment(environment) => Self::Environment(environment),
+        }
+    }
+
+    fn kind(&self) -> EmitterKind {
+        match self {
+            Self::Area(_) => EmitterKind::Area,
+            Self::Point(_) => EmitterKind::Point,
+            Self::Spot(_) => EmitterKind::Spot,
+            Self::Directional(_) => EmitterKind::Directional,
+            Self::Environment(Environment::Constant(_)) => EmitterKind::Constant,
+            Self::Environment(Environment::Map(_)) => EmitterKind::Map,
         }
     }
 

@@ -18,6 +18,12 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Memory of its vertices and indices, in bytes.
+    pub fn bytes(&self) -> u64 {
+        let vertices = size_of_val(&*self.positions) + size_of_val(&*self.normals);
+        (vertices + size_of_val(&*self.uvs) + size_of_val(&*self.triangles)) as u64
+    }
+
     /// The positions at three vertex indices; `None` where one is out of range.
     pub fn corners(&self, indices: [u32; 3]) -> Option<[Vec3; 3]> {
         let corner = |index: u32| self.positions.get(index as usize).copied();

@@ -169,6 +169,29 @@ impl Material {
         self.opacity.is_none()
     }
 
+    /// Has it a bump or normal map?
+    pub fn has_relief(&self) -> bool {
+        self.relief.is_some()
+    }
+
+    /// Shows every part of the model; blends are taken apart.
+    pub fn models(&self, see: &mut dyn FnMut(&Model)) {
+        self.model.parts(see);
+    }
+
+    /// Shows every texture that it looks up, constants too.
+    pub fn textures(&self, see: &mut dyn FnMut(&Texture)) {
+        self.model.textures(see);
+        if let Some(Relief::Bump { height: texture, .. } | Relief::Normals(texture)) =
+            self.relief.as_deref()
+        {
+            see(texture);
+        }
+        if let Some(opacity) = &self.opacity {
+            see(opacity);
+        }
+    }
+
     /// Do all lobes scatter diffusely? Then there is no specular radiance but what is seen directly.
     pub fn is_diffuse_only(&self) -> bool {
         self.model.all(&|model| matches!(model, Model::Diffuse(_)))

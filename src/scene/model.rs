@@ -152,6 +152,44 @@ impl Model {
         }
     }
 
+    /// Shows every part of the model. Blends are taken apart.
+    pub(super) fn parts(&self, see: &mut dyn FnMut(&Self)) {
+        match self {
+            Self::Blend { models, .. } => models.iter().for_each(|model| model.parts(see)),
+            _ => see(self),
+        }
+    }
+
+    /// Shows every texture, those of blends too.
+    pub(super) fn textures(&self, see: &mut dyn FnMut(&Texture)) {
+        match self {
+            Self::Null => {}
+            Self::Diffuse(reflectance) => see(reflectance),
+            Self::Conductor { tint, roughness, .. } => {
+                see(tint);
+                roughness.iter().flat_map(|roughness| roughness.alpha.iter()).for_each(&mut *see);
+            }
+            Self::Dielectric { reflectance, transmittance, roughness, .. } => {
+                see(reflectance);
+                see(transmittance);
+                roughness.iter().flat_map(|roughness| roughness.alpha.iter()).for_each(&mut *see);
+            }
+            Self::ThinDielectric { reflectance, transmittance, .. } => {
+                see(reflectance);
+                see(transmittance);
+            }
+            Self::Plastic { diffuse, specular, .. }
+            | Self::RoughPlastic { diffuse, specular, .. } => {
+                see(diffuse);
+                see(specular);
+            }
+            Self::Blend { weight, models } => {
+                see(weight);
+                models.iter().for_each(|model| model.textures(see));
+            }
+        }
+    }
+
     /// Does every part of the model satisfy `test`? Blends are taken apart.
     pub(super) fn all(&self, test: &impl Fn(&Self) -> bool) -> bool {
         match self {

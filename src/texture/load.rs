@@ -1,6 +1,11 @@
 //! Image files: PNG, JPEG and HDR by `image`, EXR by `exr`; linear Rec. 709 out of all of them.
 
 use crate::math::Rgb;
+use exr::image::{AnyChannel, FlatSamples};
+use quietlight_denoise::exr::decode;
+use quietlight_denoise::picture::check_promise;
+use quietlight_denoise::sha256::sha256;
+use std::fmt;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -45,7 +50,7 @@ pub enum Texels {
 }
 
 /// A decoded image. Alpha is dropped, as Mitsuba 3 does.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Image {
     /// Texels across; at least 1.
     pub width: u32,
@@ -56,6 +61,30 @@ pub struct Image {
     decoding: &'static Decoding,
     /// How many texels were not finite and were set to 0.
     pub broken: usize,
+}
+
+/// Size and a checksum of the texels, instead of millions of numbers.
+impl fmt::Debug for Image {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (kind, bytes) = match &self.texels {
+            Texels::Gray8(values) => ("gray, 8 bits", values.clone()),
+            Texels::Rgb8(values) => ("RGB, 8 bits", values.as_flattened().to_vec()),
+            Texels::Gray(values) => {
+                ("gray", values.iter().flat_map(|value| value.to_le_bytes()).collect())
+            }
+            Texels::Rgb(values) => {
+                let numbers = values.iter().flat_map(|value| value.to_array());
+                ("RGB", numbers.flat_map(f32::to_le_bytes).collect())
+            }
+        };
+        out.debug_struct("Image")
+            .field("width", &self.width)
+            .field("height", &self.height)
+            .field("kind", &kind)
+            .field("is_linear", &(self.decoding == &*LINEAR))
+            .field("sha256", &sha256(&bytes))
+            .finish_non_exhaustive()
+    }
 }
 
 impl Image {
@@ -113,7 +142,7 @@ impl Image {
             // Some writers sign with "#?RGBE": the reader need not look.
             let decoder = image::codecs::hdr::HdrDecoder::new_nonstrict(Cursor::new(bytes))
                 .map_err(|error| error.to_string())?;
-            return Self::decode_pixels(decoder, raw);
+            return Self::decode_pixels(decoder, bytes.len(), raw);
         }
         if bytes.starts_with(&[0xff, 0xd8]) && !has_jpeg_end(bytes) {
             return Err("the JPEG file is truncated: it has no end mark".to_owned());
@@ -125,14 +154,20 @@ impl Image {
             return Err("unknown image format; PNG, JPEG, HDR and EXR are known".to_owned());
         }
         let decoder = reader.into_decoder().map_err(|error| error.to_string())?;
-        Self::decode_pixels(decoder, raw)
+        Self::decode_pixels(decoder, bytes.len(), raw)
     }
 
-    fn decode_pixels(decoder: impl image::ImageDecoder, raw: bool) -> Result<Self, String> {
+    /// `length` is that of the file, in bytes.
+    fn decode_pixels(
+        decoder: impl image::ImageDecoder,
+        length: usize,
+        raw: bool,
+    ) -> Result<Self, String> {
         use image::DynamicImage;
 
         let (width, height) = decoder.dimensions();
         check_size(u64::from(width), u64::from(height))?;
+        check_promise(width, height, length)?;
         let pixels = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
         let linear = |stored: u16| {
             let stored = f32::from(stored) / 65535.0;
@@ -159,36 +194,27 @@ impl Image {
     /// The first flat layer: its channels `R G B`, or else `Y`, or else its only channel. Its size is that of the data
     /// window.
     fn decode_exr(bytes: &[u8]) -> Result<Self, String> {
-        use exr::prelude::{ReadChannels, ReadLayers, read};
-
-        let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)
+        let image = decode(|| Ok(Cursor::new(bytes)), bytes.len() as u64)
             .map_err(|error| error.to_string())?;
-        for header in &meta.headers {
-            let size = header.layer_size;
-            check_size(size.width() as u64, size.height() as u64)?;
-        }
-        let image = read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .all_channels()
-            .first_valid_layer()
-            .all_attributes()
-            .from_buffered(Cursor::new(bytes))
-            .map_err(|error| error.to_string())?;
-
-        let (width, height) = (image.layer_data.size.width(), image.layer_data.size.height());
-        let channels = &image.layer_data.channel_data.list;
+        let Some(layer) = image.layer_data.first() else {
+            return Err("expected an image of flat pixels, found none".to_owned());
+        };
+        let (width, height) = (layer.size.width(), layer.size.height());
+        check_size(width as u64, height as u64)?;
+        let channels = &layer.channel_data.list;
+        let full = |channel: &&AnyChannel<FlatSamples>| channel.sampling == exr::math::Vec2(1, 1);
         let channel = |name: &str| {
-            let channel = channels.iter().find(|channel| channel.name.eq(name))?;
-            let full = channel.sampling == exr::math::Vec2(1, 1);
-            full.then(|| channel.sample_data.values_as_f32())
+            let channel = channels.iter().filter(full).find(|channel| channel.name.eq(name))?;
+            Some(channel.sample_data.values_as_f32())
         };
         let texels = if let (Some(r), Some(g), Some(b)) = (channel("R"), channel("G"), channel("B"))
         {
             Texels::Rgb(r.zip(g).zip(b).map(|((r, g), b)| Rgb::new(r, g, b)).collect())
         } else if let Some(y) = channel("Y") {
             Texels::Gray(y.collect())
-        } else if let [only] = channels.as_slice() {
+        } else if let [only] = channels.as_slice()
+            && full(&only)
+        {
             Texels::Gray(only.sample_data.values_as_f32().collect())
         } else {
             let names: Vec<String> =
@@ -196,6 +222,17 @@ impl Image {
             return Err(format!("expected the channels R, G and B, or Y, found {names:?}"));
         };
         Ok(Self::new(width as u32, height as u32, texels, true))
+    }
+
+    /// Memory of its texels, in bytes.
+    pub fn bytes(&self) -> u64 {
+        let bytes = match &self.texels {
+            Texels::Gray8(values) => size_of_val(&**values),
+            Texels::Rgb8(values) => size_of_val(&**values),
+            Texels::Gray(values) => size_of_val(&**values),
+            Texels::Rgb(values) => size_of_val(&**values),
+        };
+        bytes as u64
     }
 
     /// Has each texel one value only?

@@ -36,6 +36,8 @@ pub(super) enum Part {
     Samples,
     /// Number of dropped samples.
     Invalid,
+    /// Estimated relative squared error of the picture.
+    Error,
 }
 
 impl Part {
@@ -45,6 +47,7 @@ impl Part {
             Self::Picture => &["R", "G", "B"],
             Self::Layer(kind, _) => kind.components(),
             Self::Samples | Self::Invalid => &["N"],
+            Self::Error => &["Y"],
         }
     }
 }
@@ -64,6 +67,7 @@ pub(super) fn name(part: Part, component: usize) -> String {
         Part::Picture => component.into(),
         Part::Samples => format!("samples.{component}"),
         Part::Invalid => format!("invalid.{component}"),
+        Part::Error => format!("error.{component}"),
         Part::Layer(kind, Role::Mean) => format!("{}.{component}", kind.name()),
         Part::Layer(kind, Role::Variance | Role::SampleVariance) => {
             format!("{}.variance.{component}", kind.name())
@@ -120,6 +124,7 @@ fn recognise_group(group: &str) -> Option<(Part, u8)> {
         "" => return Some((Part::Picture, 0)),
         "samples" => return Some((Part::Samples, 0)),
         "invalid" => return Some((Part::Invalid, 0)),
+        "error" => return Some((Part::Error, 0)),
         "variance" => return Some((Part::Layer(LayerKind::Beauty, Role::Variance), 1)),
         "Variance" => return Some((Part::Layer(LayerKind::Beauty, Role::SampleVariance), 0)),
         _ => {}
@@ -197,7 +202,7 @@ mod tests {
             .flat_map(|kind| {
                 [Role::Mean, Role::Variance, Role::A, Role::B].map(|role| Part::Layer(kind, role))
             })
-            .chain([Part::Picture, Part::Samples, Part::Invalid]);
+            .chain([Part::Picture, Part::Samples, Part::Invalid, Part::Error]);
         for part in parts {
             for component in 0..part.components().len() {
                 let name = name(part, component);

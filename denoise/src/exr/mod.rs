@@ -5,11 +5,13 @@
 //! attributes whose names begin with `quietlight.`; the text attributes of other renderers keep their names.
 
 mod channels;
+mod decode;
 mod read;
 mod separate;
 mod write;
 
 pub use channels::Role;
+pub use decode::{DecodeError, decode};
 pub use read::{Contents, read};
 pub use separate::{SeparateFile, read_separate};
 pub use write::{WriteOptions, write};

@@ -2,15 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use ::exr::image as pixels;
+use ::exr::image::{FlatImage, FlatSamples};
 use ::exr::meta::attribute::AttributeValue;
-use ::exr::prelude::{MetaData, ReadChannels, ReadLayers, read as exr_reader};
 use ndarray::Axis;
 
 use super::channels::{Meaning, Part, Role, recognise};
+use super::decode::{DecodeError, decode};
 use super::{ATTRIBUTE_PREFIX, Frame};
 use crate::error::Error;
 use crate::layers::{Image, Layer, LayerKind, Layers};
@@ -37,11 +36,9 @@ pub struct Contents {
 /// [`Error::Io`] where the file cannot be opened; [`Error::Format`] where it is no EXR file, is damaged or cut off,
 /// where a layer has not all of its channels or another size than the others, or where no channel is recognised.
 pub fn read(path: &Path) -> Result<Contents, Error> {
-    let parts = collect(path, decode(path)?)?;
+    let parts = collect(path, open(path)?)?;
     assemble(path, parts)
 }
-
-type File = pixels::Image<pixels::Layers<pixels::AnyChannels<pixels::FlatSamples>>>;
 
 /// A channel of the file: its name, the index of the file's part and the index in that part.
 type Source = (String, usize, usize);
@@ -60,53 +57,17 @@ fn format_error(path: &Path, found: impl Into<String>, expected: impl Into<Strin
     Error::Format { path: path.to_path_buf(), found: found.into(), expected: expected.into() }
 }
 
-fn decode(path: &Path) -> Result<File, Error> {
-    let damaged = |found: String| format_error(path, found, "a whole EXR file of flat pixels");
-    let exr_error = |error| match error {
-        ::exr::error::Error::Io(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
-            Error::Io { path: path.to_path_buf(), source }
-        }
-        ::exr::error::Error::Io(_) => damaged("a file that ends too early".into()),
-        error => damaged(format!("a file that is damaged or not supported ({error})")),
-    };
-    let length = std::fs::metadata(path)
-        .map_err(|source| Error::Io { path: path.to_path_buf(), source })?
-        .len();
-
-    // The decoder trusts its input in places; it runs on this thread so that a panic inside can be caught.
-    catch_unwind(AssertUnwindSafe(|| {
-        let meta = MetaData::read_from_file(path, false).map_err(exr_error)?;
-        refuse_absurd_size(path, &meta, length)?;
-        exr_reader()
-            .no_deep_data()
-            .largest_resolution_level()
-            .all_channels()
-            .all_layers()
-            .all_attributes()
-            .non_parallel()
-            .from_file(path)
-            .map_err(exr_error)
-    }))
-    .unwrap_or_else(|_| Err(damaged("a file whose damage the decoder did not expect".into())))
-}
-
-/// Refuses a header that promises far more pixels than a file of `length` bytes can hold, before memory is asked for.
-fn refuse_absurd_size(path: &Path, meta: &MetaData, length: u64) -> Result<(), Error> {
-    // No codec of EXR packs a block of ordinary size by more; 64 MiB are harmless in any case.
-    const MAXIMAL_COMPRESSION: u128 = 1 << 16;
-    let bytes: u128 = meta.headers.iter().map(|header| header.total_pixel_bytes() as u128).sum();
-    if bytes > (64 << 20).max(u128::from(length) * MAXIMAL_COMPRESSION) {
-        return Err(format_error(
-            path,
-            format!("a header that promises {bytes} bytes of pixels in a file of {length} bytes"),
-            "a whole EXR file",
-        ));
-    }
-    Ok(())
+fn open(path: &Path) -> Result<FlatImage, Error> {
+    let io = |source| Error::Io { path: path.to_path_buf(), source };
+    let length = std::fs::metadata(path).map_err(io)?.len();
+    decode(|| std::fs::File::open(path), length).map_err(|error| match error {
+        DecodeError::Io(source) => io(source),
+        DecodeError::Damaged(found) => format_error(path, found, "a whole EXR file of flat pixels"),
+    })
 }
 
 /// Sorts the channels of all parts of the file into images.
-fn collect(path: &Path, mut file: File) -> Result<Found, Error> {
+fn collect(path: &Path, mut file: FlatImage) -> Result<Found, Error> {
     let multipart = file.layer_data.len() > 1;
     let mut metadata = BTreeMap::new();
     let mut samples_per_pixel = None;
@@ -188,7 +149,7 @@ fn collect(path: &Path, mut file: File) -> Result<Found, Error> {
             let window = source.absolute_bounds();
             // Taken, so that the memory of each channel is free for the next image.
             let samples = &mut source.channel_data.list[channel_index].sample_data;
-            let samples = std::mem::replace(samples, pixels::FlatSamples::F32(Vec::new()));
+            let samples = std::mem::replace(samples, FlatSamples::F32(Vec::new()));
             if window != bounds || samples.len() != plane.len() {
                 return Err(format_error(
                     path,
@@ -232,6 +193,7 @@ fn assemble(path: &Path, found: Found) -> Result<Contents, Error> {
         height,
         samples: images.remove(&Part::Samples),
         invalid: images.remove(&Part::Invalid),
+        error: images.remove(&Part::Error),
         metadata,
         ..Default::default()
     };

@@ -102,6 +102,7 @@ fn image<'a>(
     }
     parts.extend(layers.samples.iter().map(|image| (Part::Samples, image)));
     parts.extend(layers.invalid.iter().map(|image| (Part::Invalid, image)));
+    parts.extend(layers.error.iter().map(|image| (Part::Error, image)));
     let channels = parts.into_iter().flat_map(|(part, image)| {
         image.axis_iter(Axis(0)).enumerate().map(move |(component, plane)| {
             pixels::AnyChannel::new(Text::new_or_panic(name(part, component)), Plane(plane))

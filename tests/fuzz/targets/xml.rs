@@ -1,0 +1,5 @@
+#![no_main]
+
+use quietlight_fuzz::{Kind, Runner};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| Runner::with(Kind::Xml, |runner| runner.run(bytes)));
