@@ -12,6 +12,7 @@ mod emission;
 mod equal_energy;
 mod extremes;
 mod extremes_markov;
+mod inspect;
 mod kept_inputs;
 mod markov;
 mod rays;
