@@ -7,7 +7,7 @@
 //! adds up what was found. Its layers then go to image space, the crate `quietlight_denoise`.
 //!
 //! Each module uses only what stands to its left:
-//! `math ← sampler, geometry, texture ← bsdf, emitter ← scene ← transport ← integrator ← film, render ← dataset ← cli`; Markov chains in
+//! `math ← sampler, geometry, texture ← bsdf, emitter ← scene ← transport ← integrator ← film, render ← dataset, tradeoff ← cli`; Markov chains in
 //! general ([`mcmc`]) stand right of `sampler`. A `bsdf` never sees a scene or a sampler, a `scene` never sees an integrator
 //! or a film, and only `cli` prints.
 //!
@@ -26,4 +26,5 @@ pub mod render;
 pub mod sampler;
 pub mod scene;
 pub mod texture;
+pub mod tradeoff;
 pub mod transport;

@@ -49,7 +49,7 @@ fn one_two_and_eight_threads_give_the_same_bits() {
 }
 
 /// Every method that is not path tracing, with small pools of candidates.
-fn methods() -> [Integrator; 7] {
+pub(crate) fn methods() -> [Integrator; 7] {
     let pssmlt =
         |paths| Integrator::Pssmlt(Pssmlt { paths, bootstrap_samples: 3000, ..Pssmlt::default() });
     let mlt = Mlt { bootstrap_pairs: 3000, ..Mlt::default() };

@@ -28,7 +28,9 @@ fn load(content: &str) -> Scene {
 #[test]
 fn an_inventory_counts_what_surfaces_have_and_no_image_twice() {
     let bitmap = |file: &str| {
-        format!("<texture type='bitmap' name='reflectance'><string name='filename' value='{file}'/></texture>")
+        format!(
+            "<texture type='bitmap' name='reflectance'><string name='filename' value='{file}'/></texture>"
+        )
     };
     let (a, b) = (bitmap("a.png"), bitmap("b.png"));
     let scene = load(&format!(

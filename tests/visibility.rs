@@ -29,7 +29,9 @@ fn rendered<'a>(
 }
 
 fn luminance(sums: &PixelSums) -> f64 {
-    (0..3).map(|c| f64::from(LUMINANCE[c]) * (sums.diffuse[c] + sums.specular[c])).sum()
+    (0..3)
+        .map(|c| f64::from(LUMINANCE[c]) * (sums.diffuse[c].value() + sums.specular[c].value()))
+        .sum()
 }
 
 /// Means over square blocks of pixels.
@@ -79,7 +81,7 @@ fn by_exchange(
 ) -> Views {
     let half = rendered(scene, settings, 1000 + seed, hits);
     let pixels = half.sums().iter().map(|sums| {
-        [sums.diffuse, sums.specular].map(|part| part.map(|value| value / f64::from(hits)))
+        [sums.diffuse, sums.specular].map(|part| part.map(|sum| sum.value() / f64::from(hits)))
     });
     views(scene.film.crop[2] as usize, side, pixels)
 }

@@ -1,14 +1,15 @@
 //! Files that are whole or not there at all.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use crate::error::Error;
 
 /// Writes the file `path` by `write`: into a temporary name in the same folder, renamed when all is on disk.
 ///
-/// On any error the old file, if there was one, is untouched and nothing half written is left.
+/// On any error the old file, if there was one, is untouched and nothing half written is left; on Linux not even where the
+/// process is killed in the middle, for the file has no name until it is whole.
 ///
 /// # Errors
 /// Those of `write`; [`Error::Io`] where the folder cannot be written; [`Error::Format`] where `path` exists and is
@@ -34,6 +35,15 @@ pub fn write(
 
     let mut builder = tempfile::Builder::new();
     builder.prefix(".quietlight-").suffix(".part");
+    #[cfg(target_os = "linux")]
+    if let Some(file) = unnamed(folder) {
+        let mut buffer = BufWriter::new(&file);
+        write(&mut buffer)?;
+        buffer.flush().map_err(io)?;
+        drop(buffer);
+        file.sync_all().map_err(io)?;
+        return publish(&file, &target, &builder).map_err(io);
+    }
     #[cfg(unix)]
     {
         // Temporary files are private by default; the finished one has the permissions of any new file.
@@ -47,6 +57,31 @@ pub fn write(
     drop(buffer);
     temporary.as_file().sync_all().map_err(io)?;
     temporary.persist(&target).map_err(|error| io(error.error))?;
+    Ok(())
+}
+
+/// A file without a name; `None` where the file system has none such.
+#[cfg(target_os = "linux")]
+fn unnamed(folder: &Path) -> Option<File> {
+    use rustix::fs::{Mode, OFlags, open};
+
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    open(folder, flags, Mode::from_raw_mode(0o666)).ok().map(File::from)
+}
+
+/// Gives a file its name, in place of the one that had it. Only a rename can replace a file, so that it has a name of its own
+/// for a moment.
+#[cfg(target_os = "linux")]
+fn publish(file: &File, target: &Path, builder: &tempfile::Builder<'_, '_>) -> io::Result<()> {
+    use rustix::fs::{AtFlags, CWD, linkat};
+    use std::os::fd::AsRawFd;
+
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    let origin = format!("/proc/self/fd/{}", file.as_raw_fd());
+    let named = builder
+        .make_in(folder, |path| Ok(linkat(CWD, &origin, CWD, path, AtFlags::SYMLINK_FOLLOW)?))?;
+    named.persist(target).map_err(|error| error.error)?;
     Ok(())
 }
 

@@ -7,6 +7,7 @@ pub mod denoiser;
 pub mod error;
 pub mod estimate;
 mod exp;
+mod exposure;
 pub mod exr;
 pub mod kpcn;
 pub mod layers;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use image::codecs::png::PngEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use ndarray::Array2;
 
@@ -30,8 +30,21 @@ pub fn write(path: &Path, picture: &Image, exposure: f32) -> Result<(), Error> {
     encode(path, &tone_map(picture, exposure), width, height)
 }
 
+/// The bytes of a PNG as [`write()`] makes it, packed as small as may be.
+///
+/// # Errors
+/// [`Error::Shape`] where the picture has not three channels; [`Error::Format`] where a PNG cannot hold it.
+pub fn to_bytes(picture: &Image, exposure: f32) -> Result<Vec<u8>, Error> {
+    let (channels, height, width) = picture.dim();
+    if channels != 3 {
+        let (found, expected) = ([channels, height, width], [3, height, width]);
+        return Err(Error::Shape { what: "picture".into(), found, expected });
+    }
+    pack(&tone_map(picture, exposure), width, height)
+}
+
 /// Five colours of the map "magma" of matplotlib, evenly spaced: brightness grows evenly with the error.
-const MAGMA: [[f32; 3]; 5] = [
+pub const MAGMA: [[f32; 3]; 5] = [
     [0.0, 0.0, 4.0],
     [81.0, 18.0, 124.0],
     [183.0, 55.0, 121.0],
@@ -47,6 +60,16 @@ pub fn write_map(path: &Path, errors: &Array2<f32>) -> Result<(), Error> {
     let bytes: Vec<u8> = errors.iter().flat_map(|&error| false_colour(error)).collect();
     let (height, width) = errors.dim();
     encode(path, &bytes, width, height)
+}
+
+/// The bytes of a PNG as [`write_map`] makes it, packed as small as may be.
+///
+/// # Errors
+/// [`Error::Format`] where a PNG cannot hold it.
+pub fn map_to_bytes(errors: &Array2<f32>) -> Result<Vec<u8>, Error> {
+    let bytes: Vec<u8> = errors.iter().flat_map(|&error| false_colour(error)).collect();
+    let (height, width) = errors.dim();
+    pack(&bytes, width, height)
 }
 
 /// The colour of an error; NaN is black.
@@ -75,6 +98,19 @@ fn encode(path: &Path, bytes: &[u8], width: usize, height: usize) -> Result<(), 
             },
         )
     })
+}
+
+/// A PNG in memory.
+fn pack(bytes: &[u8], width: usize, height: usize) -> Result<Vec<u8>, Error> {
+    let mut packed = Vec::new();
+    PngEncoder::new_with_quality(&mut packed, CompressionType::Best, FilterType::Adaptive)
+        .write_image(bytes, width as u32, height as u32, ExtendedColorType::Rgb8)
+        .map_err(|error| Error::Format {
+            path: "a picture in memory".into(),
+            found: format!("{width}x{height} ({error})"),
+            expected: "what a PNG can hold".into(),
+        })?;
+    Ok(packed)
 }
 
 /// The bytes of the PNG: row after row, red, green, blue.
@@ -106,6 +142,9 @@ mod tests {
         write(&path, &picture, 0.0).unwrap();
         let read = crate::picture::read_picture(&path).unwrap();
         assert_eq!(read.dim(), picture.dim());
+        // In memory, packed otherwise, it is the same.
+        std::fs::write(&path, to_bytes(&picture, 0.0).unwrap()).unwrap();
+        assert_eq!(crate::picture::read_picture(&path).unwrap(), read);
         for (index, &value) in picture.indexed_iter() {
             // Half a step of 1/255 in display values.
             assert!(

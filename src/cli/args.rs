@@ -1,6 +1,6 @@
 //! What can be typed.
 
-use crate::dataset::Shard;
+use crate::render::Shard;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -17,12 +17,16 @@ pub(super) struct Arguments {
 pub(super) enum Command {
     /// Render a scene, denoise it, and write an EXR with all layers and a PNG
     Render(Render),
+    /// Put pictures of the same scene together: renders with different seeds, or all shards of one render
+    Merge(Merge),
     /// Denoise an EXR with feature buffers, of this or another renderer
     Denoise(Denoise),
     /// Score an image against a reference: relative L2, 1 - SSIM, FLIP, PSNR
     Compare(Compare),
     /// Make training pairs: noisy renders of many views, each with a converged one
     Dataset(Dataset),
+    /// Measure error against seconds of integrators and denoisers on scenes, and tell what to choose
+    Tradeoff(super::tradeoff::Tradeoff),
     /// Show what a scene requires, and what will therefore run
     Inspect(Inspect),
     /// Check this machine: threads, SIMD, and a small render from end to end
@@ -104,9 +108,22 @@ pub(super) struct Render {
     /// Samples per pixel, instead of the scene's: paths, or mutations of Markov chains
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub(super) spp: Option<u32>,
-    /// Render for this long instead, such as 30s, 2.5m or 1h
+    /// Be done after this long, denoising and writing included, such as 30s, 2.5m or 1h
     #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "spp")]
     pub(super) time: Option<Duration>,
+    /// Stop when the estimated relative L2 of the picture, denoised if it is, is at most this; --spp or --time are then the
+    /// most that is spent [default: 65536 samples per pixel]
+    #[arg(long, value_name = "ERROR", value_parser = target, conflicts_with_all = ["no_estimate", "resume", "shard"])]
+    pub(super) target_error: Option<f64>,
+    /// Keep what there is this often, such as 5m or 30s, in a file beside the output from which --resume goes on; or off
+    #[arg(long, value_name = "TIME", default_value = "5m", value_parser = interval)]
+    pub(super) checkpoint: Interval,
+    /// Go on from what an earlier run of the same command kept when it was ended; begin anew where there is nothing
+    #[arg(long)]
+    pub(super) resume: bool,
+    /// Take only every N-th sample or chain, from number I on: for machine I of N, counted from 0. `merge` makes the picture
+    #[arg(long, value_name = "I/N", default_value = "0/1", conflicts_with_all = ["time", "strategies", "replay"])]
+    pub(super) shard: Shard,
     /// What takes the noise out
     #[arg(long, value_enum, default_value_t)]
     pub(super) denoiser: Denoiser,
@@ -141,6 +158,33 @@ pub(super) struct Render {
     /// Run one sample again and print its path: column, row, sample index
     #[arg(long, value_name = "X,Y,SAMPLE", value_parser = replay)]
     pub(super) replay: Option<[u32; 3]>,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct Merge {
+    /// EXR to write; a PNG is written beside it
+    #[arg(value_name = "OUT.exr")]
+    pub(super) output: PathBuf,
+    /// EXRs of renders with different seeds, or the files that all shards of one render wrote
+    #[arg(required = true, value_name = "IN")]
+    pub(super) inputs: Vec<PathBuf>,
+    /// What takes the noise out
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) denoiser: Denoiser,
+    #[command(flatten)]
+    pub(super) networks: Networks,
+    /// Threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
+    /// Also write the two independent halves of every layer
+    #[arg(long)]
+    pub(super) halves: bool,
+    /// Brighten the PNG by this many stops
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub(super) exposure: f32,
     /// Print the outcome as JSON
     #[arg(long)]
     pub(super) json: bool,
@@ -401,8 +445,17 @@ fn denoiser() -> impl clap::builder::TypedValueParser<Value = Denoiser> {
         .try_map(|name| Denoiser::from_str(&name, false))
 }
 
+/// How often something is done; `None` is never.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Interval(pub(super) Option<Duration>);
+
+/// Reads a time, or `off`.
+fn interval(text: &str) -> Result<Interval, String> {
+    if text == "off" { Ok(Interval(None)) } else { time(text).map(|time| Interval(Some(time))) }
+}
+
 /// Reads a time with its unit; seconds where there is none.
-fn time(text: &str) -> Result<Duration, String> {
+pub(super) fn time(text: &str) -> Result<Duration, String> {
     let units = [("ms", 1e-3), ("s", 1.0), ("m", 60.0), ("h", 3600.0)];
     let (number, seconds) = units
         .iter()
@@ -426,6 +479,13 @@ fn noise(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|noise: &f64| *noise >= 0.0 && noise.is_finite())
         .ok_or_else(|| "expected zero or a positive number, such as 0.001".to_owned())
+}
+
+fn target(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|error: &f64| *error > 0.0 && error.is_finite())
+        .ok_or_else(|| "expected a positive number, such as 0.005".to_owned())
 }
 
 fn factor(text: &str) -> Result<f32, String> {

@@ -9,11 +9,16 @@ mod denoising;
 mod doctor;
 mod inspect;
 mod integrator;
+mod keep;
 mod letters;
+mod merge;
+mod outcome;
 mod progress;
 mod render;
 mod replay;
+mod spending;
 mod strategies;
+mod tradeoff;
 
 use args::{Arguments, Command};
 use clap::{CommandFactory, Parser};
@@ -53,9 +58,11 @@ pub fn run() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome = match arguments.command {
         Command::Render(command) => render::run(&command),
+        Command::Merge(command) => merge::run(&command),
         Command::Denoise(command) => denoise::run(&command),
         Command::Compare(command) => compare::run(&command),
         Command::Dataset(command) => dataset::run(&command),
+        Command::Tradeoff(command) => tradeoff::run(&command),
         Command::Inspect(command) => inspect::run(&command),
         Command::Doctor => doctor::run(),
         Command::Completions { shell } => {

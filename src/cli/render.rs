@@ -1,24 +1,27 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
 use super::args::{Render, Sampler, SceneArguments};
-use super::progress::{Progress, human};
+use super::keep::Keeper;
+use super::outcome::Outcome;
+use super::spending::{Finished, Spending, Spent};
 use super::strategies::Pyramid;
 use super::{BadInput, Failure, denoising, integrator, replay};
-use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, render};
+use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, check_memory};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
-use quietlight_denoise::{Denoised, ErrorEstimate, LayerKind, png};
+use quietlight_denoise::{LayerKind, png};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// True once the user asked to stop.
 pub(super) static STOP: AtomicBool = AtomicBool::new(false);
 
 pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
+    let start = Instant::now();
     let scene = load(&arguments.scene)?;
     let settings = settings(arguments, &scene);
     if let Some([x, y, sample]) = arguments.replay {
@@ -30,6 +33,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         }
         return replay::run(&scene, &settings, [x, y], sample);
     }
+    check_memory(&scene, &settings).bad_input()?;
     let output = output_path(arguments)?;
     let pyramid = Pyramid::prepare(arguments.strategies.as_deref(), &settings)?;
     heed_ctrl_c("finishing this pass, then writing what there is")?;
@@ -37,40 +41,25 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     // Before the render, so that hours are not spent for a file that is not a network.
     let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
 
-    let (width, height) = (scene.film.crop[2], scene.film.crop[3]);
-    let start = Instant::now();
-    let progress = match settings.budget {
-        Budget::Samples(samples) => {
-            let total = u64::from(width) * u64::from(height) * u64::from(samples);
-            Progress::new("render", "samples", total)
-        }
-        Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
+    let keeper = Keeper::new(arguments, &output, notes(arguments, &scene, &settings));
+    let spending = Spending {
+        scene: &scene,
+        settings,
+        threads: &threads,
+        arguments,
+        output: &output,
+        keeper: &keeper,
     };
-    let show = |done| match settings.budget {
-        Budget::Samples(_) => progress.at(done),
-        Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
-    };
-    let mut rendered = threads.install(|| render(&scene, &settings, &show, &STOP));
-    progress.finish();
-
+    let Some(spent) = spending.spend(denoiser.as_ref(), start)? else { return Ok(()) };
+    let Spent { mut rendered, finished, note } = spent;
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
     let is_interrupted = STOP.load(Ordering::Relaxed);
-    let start = Instant::now();
-    let denoised = match &denoiser {
-        Some(denoiser) if !is_interrupted => {
-            Some(denoising::run(denoiser, &rendered.layers, &threads).map_err(Failure::Failed)?)
-        }
-        _ => None,
-    };
-    let denoising = denoised.as_ref().map(|_| start.elapsed());
-    let error = match (&denoiser, &denoised) {
-        (Some(denoiser), Some(denoised)) if !arguments.no_estimate => {
-            denoising::estimate(denoised, denoiser, &rendered.layers, &threads)?
-        }
-        _ => None,
-    };
+    let Finished { denoised, denoising, error } = finished;
 
-    describe(&mut rendered, arguments, &settings, threads.current_num_threads());
+    let threads_used = ("threads".to_owned(), threads.current_num_threads().to_string());
+    rendered.layers.metadata.extend(keeper.notes().clone());
+    rendered.layers.metadata.extend([threads_used]);
+    describe(&mut rendered);
     if let Some(denoised) = &denoised {
         rendered.layers.metadata.extend(denoised.facts());
     }
@@ -113,12 +102,19 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         noise,
         error: error.as_ref(),
     };
+    if let Some(note) = note {
+        eprintln!("{note}");
+    }
     if arguments.json {
         outcome.print_json();
     } else {
         outcome.print();
     }
-    if is_interrupted { Err(Failure::Interrupted) } else { Ok(()) }
+    if is_interrupted {
+        return Err(Failure::Interrupted);
+    }
+    keeper.forget();
+    Ok(())
 }
 
 /// Loads a scene and tells its warnings.
@@ -146,6 +142,7 @@ fn settings(arguments: &Render, scene: &Scene) -> RenderSettings {
             Sampler::Independent => SamplerKind::Independent,
         },
         integrator: integrator::of(arguments, scene),
+        shard: arguments.shard,
         ..RenderSettings::default()
     }
 }
@@ -179,16 +176,14 @@ pub(super) fn check_output(path: &Path) -> Result<(), Failure> {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     };
-    match folder.metadata() {
-        Ok(facts) if facts.is_dir() && !facts.permissions().readonly() => Ok(()),
-        Ok(_) => {
-            Err(anyhow::anyhow!("{} is not a folder that can be written to", folder.display()))
-                .bad_input()
-        }
-        Err(error) => Err(error)
-            .with_context(|| format!("cannot write into {}", folder.display()))
-            .bad_input(),
+    if folder.metadata().is_ok_and(|facts| !facts.is_dir()) {
+        return Err(anyhow::anyhow!("{} is not a folder", folder.display())).bad_input();
     }
+    // Only an attempt tells: permissions, a disk that is mounted to be read, one without a free inode.
+    tempfile::tempfile_in(folder)
+        .map(|_| ())
+        .with_context(|| format!("cannot write into {}", folder.display()))
+        .bad_input()
 }
 
 /// The first Ctrl-C sets [`STOP`] and says what happens now; the second ends the process at once.
@@ -211,13 +206,8 @@ pub(super) fn thread_pool(threads: Option<u16>) -> Result<rayon::ThreadPool, Fai
         .map_err(Failure::Failed)
 }
 
-/// Writes down how the picture was made.
-fn describe(
-    rendered: &mut Rendered,
-    arguments: &Render,
-    settings: &RenderSettings,
-    threads: usize,
-) {
+/// What is known of the picture before it is made.
+fn notes(arguments: &Render, scene: &Scene, settings: &RenderSettings) -> BTreeMap<String, String> {
     let facts = [
         ("scene", arguments.scene.scene.display().to_string()),
         ("integrator", settings.integrator.name().to_owned()),
@@ -225,92 +215,19 @@ fn describe(
         ("strategy", format!("{:?}", settings.integrator.path_tracing().strategy)),
         ("sampler", format!("{:?}", settings.sampler)),
         ("seed", settings.seed.to_string()),
+        ("scene_identity", scene.identity()),
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    facts.map(|(name, value)| (name.to_owned(), value)).into()
+}
+
+/// Writes down what came of it.
+pub(super) fn describe(rendered: &mut Rendered) {
+    let facts = [
         ("samples", rendered.samples.to_string()),
         ("invalid_samples", rendered.invalid_samples.to_string()),
         ("seconds", format!("{:.3}", rendered.elapsed.as_secs_f64())),
-        ("threads", threads.to_string()),
-        ("version", env!("CARGO_PKG_VERSION").to_owned()),
     ];
     rendered.layers.metadata.extend(facts.map(|(name, value)| (name.to_owned(), value)));
     rendered.layers.metadata.extend(rendered.report.facts.iter().cloned());
-}
-
-/// What the last line tells.
-struct Outcome<'a> {
-    output: &'a Path,
-    png: &'a Path,
-    rendered: &'a Rendered,
-    /// `None` where the noise was left in.
-    denoised: Option<&'a Denoised>,
-    denoising: Option<Duration>,
-    /// Of the rendered picture.
-    noise: Option<f64>,
-    /// Of the denoised picture.
-    error: Option<&'a ErrorEstimate>,
-}
-
-impl Outcome<'_> {
-    /// Samples of the whole picture per second of wall time.
-    fn speed(&self) -> f64 {
-        let pixels = self.rendered.layers.width * self.rendered.layers.height;
-        pixels as f64 * f64::from(self.rendered.samples)
-            / self.rendered.elapsed.as_secs_f64().max(1e-9)
-    }
-
-    fn print(&self) {
-        let Self { output, png, rendered, denoised, denoising, noise, error } = self;
-        if rendered.invalid_samples > 0 {
-            eprintln!(
-                "warning: {} samples were not finite and were dropped; layer invalid.N tells where, --replay why",
-                rendered.invalid_samples
-            );
-        }
-        for warning in &rendered.report.warnings {
-            eprintln!("warning: {warning}");
-        }
-        for (name, value) in &rendered.report.facts {
-            println!("{name}: {value}");
-        }
-        let noise =
-            noise.map_or("unknown with one sample".to_owned(), |noise| format!("{noise:.2e}"));
-        let denoised = match (denoised, denoising) {
-            (Some(denoised), Some(time)) => {
-                format!("denoised by {} in {:.1} s", denoised.by, time.as_secs_f64())
-            }
-            _ => "not denoised".to_owned(),
-        };
-        let error = error
-            .map_or_else(String::new, |error| format!(", after {}", denoising::in_words(error)));
-        println!(
-            "{} and {}: {} samples per pixel in {:.1} s ({}samples/s), {denoised}; \
-             relative L2, estimated from the halves: before denoising {noise}{error}",
-            output.display(),
-            png.display(),
-            rendered.samples,
-            rendered.elapsed.as_secs_f64(),
-            human(self.speed()),
-        );
-    }
-
-    fn print_json(&self) {
-        let json = serde_json::json!({
-            "output": self.output,
-            "png": self.png,
-            "width": self.rendered.layers.width,
-            "height": self.rendered.layers.height,
-            "integrator": self.rendered.layers.metadata.get("integrator"),
-            "samples": self.rendered.samples,
-            "invalid_samples": self.rendered.invalid_samples,
-            "render_seconds": self.rendered.elapsed.as_secs_f64(),
-            "denoise_seconds": self.denoising.map(|denoising| denoising.as_secs_f64()),
-            "denoiser": self.denoised.map(denoising::json),
-            "samples_per_second": self.speed(),
-            "estimated_noisy_relative_l2": self.noise,
-            "estimated_relative_l2": self.error.map(|error| error.relative_l2),
-            "estimated_relative_l2_interval": self.error.map(|error| error.interval),
-            "facts": self.rendered.report.facts.iter().cloned().collect::<BTreeMap<_, _>>(),
-            "warnings": self.rendered.report.warnings,
-        });
-        println!("{json:#}");
-    }
 }

@@ -16,13 +16,12 @@ pub mod manifest;
 pub mod merge;
 mod pairs;
 mod seed;
-mod shard;
 mod space;
 mod variation;
 
+pub use crate::render::Shard;
 pub use make::{Job, Outcome, Plan};
 pub use manifest::{Manifest, Record, Settings, View};
-pub use shard::Shard;
 
 use std::path::{Path, PathBuf};
 

@@ -12,9 +12,11 @@ pub use splat::{Radiance, Scale, SplatFilm};
 pub use tile::{Tile, tiles};
 
 use crate::integrator::PathSample;
+use crate::math::Sum;
 use crate::scene::{FilmSettings, Requirements};
 use ndarray::Array3;
 use quietlight_denoise::{Image, Layer, LayerKind, Layers};
+use serde::{Deserialize, Serialize};
 
 /// How many numbers a sample has in each layer, in the order in which [`values`] lists them.
 const CHANNELS: [(LayerKind, usize); 9] = [
@@ -63,17 +65,17 @@ fn values(sample: &PathSample) -> [f32; VALUES] {
     ]
 }
 
-/// Sums of one number over the samples of a pixel. In f64, so that 10⁸ next to 10⁻⁸ survives.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Sums of one number over the samples of a pixel, in whatever order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Sums {
     /// Sum over each half.
-    half: [f64; 2],
+    half: [Sum; 2],
     /// Sum of squares over both.
-    squares: f64,
+    squares: Sum,
 }
 
 /// Samples of one pixel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Counts {
     /// Finite samples in each half.
     half: [u32; 2],
@@ -82,12 +84,11 @@ pub(crate) struct Counts {
 }
 
 /// Where the samples of a picture add up.
-#[derive(Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Film {
     settings: FilmSettings,
-    /// Which numbers of [`values`] are kept, and the layers they belong to.
+    /// Which numbers of [`values`] are kept: all or none of a layer.
     kept: Vec<usize>,
-    layers: Vec<(LayerKind, usize)>,
     tiles: Vec<Tile>,
 }
 
@@ -99,35 +100,69 @@ impl Film {
 
     /// A film for methods that take their features from elsewhere: of the layers that the scene requires, those of light.
     pub fn of_radiance(settings: FilmSettings, requirements: &Requirements) -> Self {
-        let is_radiance =
-            |kind| matches!(kind, LayerKind::Beauty | LayerKind::Diffuse | LayerKind::Specular);
-        Self::of(settings, |kind| is_radiance(kind) && requirements.needs(kind))
+        Self::of(settings, |kind| kind.is_radiance() && requirements.needs(kind))
     }
 
     fn of(settings: FilmSettings, is_kept: impl Fn(LayerKind) -> bool) -> Self {
-        let (mut kept, mut layers, mut first) = (Vec::new(), Vec::new(), 0);
+        let (mut kept, mut first) = (Vec::new(), 0);
         for (kind, channels) in CHANNELS {
             if is_kept(kind) {
                 kept.extend(first..first + channels);
-                layers.push((kind, channels));
             }
             first += channels;
         }
         debug_assert_eq!(first, VALUES);
         let tiles = tiles(settings.crop, kept.len());
-        Self { settings, kept, layers, tiles }
-    }
-
-    /// How many numbers a film with these layers keeps of each pixel.
-    pub fn numbers(requirements: &Requirements) -> usize {
-        let kept = CHANNELS.iter().filter(|(kind, _)| requirements.needs(*kind));
-        kept.map(|&(_, channels)| channels).sum()
+        Self { settings, kept, tiles }
     }
 
     /// Bytes that a film of this size and these layers takes.
     pub fn bytes(settings: FilmSettings, requirements: &Requirements) -> u64 {
-        let of_pixel = Self::numbers(requirements) * size_of::<Sums>() + size_of::<Counts>();
-        settings.crop_pixels() * of_pixel as u64
+        Self::bytes_of(settings, |kind| requirements.needs(kind))
+    }
+
+    /// Bytes that a film of [`Film::of_radiance`] takes.
+    pub fn radiance_bytes(settings: FilmSettings, requirements: &Requirements) -> u64 {
+        Self::bytes_of(settings, |kind| kind.is_radiance() && requirements.needs(kind))
+    }
+
+    /// Bytes that the layers take that [`Film::layers`] makes: mean, variance and two halves of each, and two counts.
+    pub fn layer_bytes(settings: FilmSettings, requirements: &Requirements) -> u64 {
+        let each = 4 * Self::numbers(|kind| requirements.needs(kind)) + 2;
+        settings.crop_pixels().saturating_mul((each * size_of::<f32>()) as u64)
+    }
+
+    /// Numbers of a sample in the layers that are kept.
+    fn numbers(is_kept: impl Fn(LayerKind) -> bool) -> usize {
+        CHANNELS.iter().filter(|(kind, _)| is_kept(*kind)).map(|&(_, channels)| channels).sum()
+    }
+
+    fn bytes_of(settings: FilmSettings, is_kept: impl Fn(LayerKind) -> bool) -> u64 {
+        let kept = Self::numbers(is_kept);
+        let each = kept * size_of::<Sums>() + size_of::<Counts>();
+        settings.crop_pixels().saturating_mul(each as u64)
+    }
+
+    /// Layers that are kept, with the number of their channels.
+    fn kept_layers(&self) -> impl Iterator<Item = (LayerKind, usize)> {
+        let with_first = CHANNELS.iter().scan(0, |first, &(kind, channels)| {
+            *first += channels;
+            Some((kind, channels, *first - channels))
+        });
+        let is_kept = |first: usize| self.kept.binary_search(&first).is_ok();
+        with_first.filter(move |&(.., first)| is_kept(first)).map(|(kind, n, _)| (kind, n))
+    }
+
+    /// Adds all samples of another film of the same size and layers. In which order films are merged does not show.
+    ///
+    /// # Panics
+    /// If the other film has another size or other layers.
+    pub fn merge(&mut self, other: &Self) {
+        assert_eq!(self.settings.crop, other.settings.crop, "films of one size");
+        assert_eq!(self.kept, other.kept, "films of the same layers");
+        for (tile, more) in self.tiles.iter_mut().zip(&other.tiles) {
+            tile.merge(more);
+        }
     }
 
     /// The tiles and the list of kept numbers, for workers that each fill one tile.
@@ -150,7 +185,7 @@ impl Film {
         let [_, _, width, height] = self.settings.crop.map(|number| number as usize);
         let mut layers = Layers { width, height, ..Layers::default() };
         let mut first = 0;
-        for &(kind, channels) in &self.layers {
+        for (kind, channels) in self.kept_layers() {
             let shift: [f64; 3] =
                 if kind == LayerKind::Position { offset.to_array() } else { [0.0; 3] };
             layers.layers.insert(kind, self.layer(first, channels, shift));
@@ -178,12 +213,14 @@ impl Film {
                 }
                 for (channel, sum) in sums.iter().enumerate() {
                     let at = [channel, y as usize, x as usize];
-                    let [sum_a, sum_b] = sum.half;
-                    let centre = (sum_a + sum_b) / n;
+                    let [sum_a, sum_b] = sum.half.map(Sum::value);
+                    let mut whole = sum.half[0];
+                    whole += sum.half[1];
+                    let centre = whole.value() / n;
                     mean[at] = (centre + shift[channel]) as f32;
                     if n > 1.0 {
-                        variance[at] =
-                            ((sum.squares / n - centre * centre).max(0.0) / (n - 1.0)) as f32;
+                        variance[at] = ((sum.squares.value() / n - centre * centre).max(0.0)
+                            / (n - 1.0)) as f32;
                     }
                     let half = |sum: f64, n: f64| if n > 0.0 { sum / n } else { centre };
                     a[at] = (half(sum_a, na) + shift[channel]) as f32;
@@ -208,7 +245,7 @@ impl Film {
 }
 
 /// Makes the beauty the sum of diffuse and specular to the last bit, in the mean and in both halves.
-fn sum_to_beauty(layers: &mut Layers) {
+pub(crate) fn sum_to_beauty(layers: &mut Layers) {
     let (Some(diffuse), Some(specular)) =
         (layers.layers.get(&LayerKind::Diffuse), layers.layers.get(&LayerKind::Specular))
     else {

@@ -2,26 +2,28 @@
 
 use super::sum_to_beauty;
 use crate::integrator::Splat;
+use crate::math::Sum;
 use crate::scene::FilmSettings;
 use ndarray::{Array3, Zip};
 use quietlight_denoise::{Image, Layer, LayerKind, Layers};
+use serde::{Deserialize, Serialize};
 
-/// Splats that fell on one pixel. In f64, so that 10⁸ next to 10⁻⁸ survives.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Splats that fell on one pixel, in whatever order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Pixel {
     /// Sums over each half: diffuse and specular red, green, blue.
-    half: [[f64; 6]; 2],
+    half: [[Sum; 6]; 2],
     /// Non-finite splats, dropped.
     invalid: u32,
 }
 
 /// Sums of the squares of one pixel's splats: of beauty, diffuse and specular.
-type Squares = [[f64; 3]; 3];
+type Squares = [[Sum; 3]; 3];
 
 /// Where splats add up. A splat counts in the pixel that holds it (a box filter); those outside of the crop window are
 /// not kept. There are no atomics: workers collect splats and the film takes them in a fixed order, so that the bits do
 /// not depend on who was faster.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SplatFilm {
     settings: FilmSettings,
     /// The pixels of the crop window, row by row.
@@ -61,6 +63,12 @@ impl Scale {
 }
 
 impl SplatFilm {
+    /// Bytes that a film of this size takes: of splats that are independent, or of others.
+    pub fn bytes(settings: FilmSettings, is_independent: bool) -> u64 {
+        let squares = if is_independent { size_of::<Squares>() } else { 0 };
+        settings.crop_pixels().saturating_mul((size_of::<Pixel>() + squares) as u64)
+    }
+
     /// A film without splats.
     pub fn new(settings: FilmSettings) -> Self {
         let [_, _, columns, rows] = settings.crop.map(|number| number as usize);
@@ -108,14 +116,14 @@ impl SplatFilm {
     }
 
     /// Adds sums of radiance, diffuse and specular, of the crop window's pixels row by row.
-    pub(crate) fn add_sums(&mut self, half: usize, sums: impl Iterator<Item = [[f64; 3]; 2]>) {
+    pub(crate) fn add_sums(&mut self, half: usize, sums: impl Iterator<Item = [[Sum; 3]; 2]>) {
         for (pixel, more) in self.pixels.iter_mut().zip(sums) {
             let all = pixel.half[half].iter_mut().zip(more.as_flattened());
-            all.for_each(|(sum, more)| *sum += more);
+            all.for_each(|(sum, more)| *sum += *more);
         }
     }
 
-    /// Adds all that is on another film of the same size. The order in which films are merged decides the last bits.
+    /// Adds all that is on another film of the same size. In which order films are merged does not show.
     ///
     /// # Panics
     /// If the other film has another size, or one keeps squares and the other does not.
@@ -124,11 +132,11 @@ impl SplatFilm {
         assert_eq!(self.squares.len(), other.squares.len(), "films of one kind");
         for (pixel, more) in self.pixels.iter_mut().zip(&other.pixels) {
             let sums = pixel.half.as_flattened_mut().iter_mut();
-            sums.zip(more.half.as_flattened()).for_each(|(sum, more)| *sum += more);
+            sums.zip(more.half.as_flattened()).for_each(|(sum, more)| *sum += *more);
             pixel.invalid += more.invalid;
         }
         let sums = self.squares.as_flattened_mut().as_flattened_mut().iter_mut();
-        sums.zip(other.squares.as_flattened().as_flattened()).for_each(|(sum, more)| *sum += more);
+        sums.zip(other.squares.as_flattened().as_flattened()).for_each(|(sum, more)| *sum += *more);
         self.nowhere += other.nowhere;
     }
 
@@ -149,14 +157,15 @@ impl SplatFilm {
                     around.clear();
                     for row in y.saturating_sub(1)..(y + 2).min(rows) {
                         for column in x.saturating_sub(1)..(x + 2).min(columns) {
-                            around.push(other.pixels[row * columns + column].half[half][place]);
+                            let sum = other.pixels[row * columns + column].half[half][place];
+                            around.push(sum.value());
                         }
                     }
                     around.sort_by(f64::total_cmp);
                     let middle = around.len() / 2;
                     let median = 0.5 * (around[middle] + around[(around.len() - 1) / 2]);
-                    if *sum > limit * median {
-                        *sum = median;
+                    if sum.value() > limit * median {
+                        *sum = median.into();
                     }
                 }
             }
@@ -166,7 +175,9 @@ impl SplatFilm {
 
     /// Sum of all colours of all splats kept.
     pub fn total(&self) -> f64 {
-        self.pixels.iter().map(|pixel| pixel.half.as_flattened().iter().sum::<f64>()).sum()
+        let sums =
+            |pixel: &Pixel| pixel.half.as_flattened().iter().map(|sum| sum.value()).sum::<f64>();
+        self.pixels.iter().map(sums).sum()
     }
 
     /// Non-finite splats dropped so far.
@@ -202,7 +213,7 @@ impl SplatFilm {
     fn layer(&self, place: usize, scale: &Scale) -> Layer {
         let halves = [0, 1].map(|half| {
             self.image(|index, channel| {
-                let sums = &self.pixels[index].half[half];
+                let sums = self.pixels[index].half[half].map(Sum::value);
                 scale.half[half]
                     * match place {
                         0 => sums[channel] + sums[channel + 3],
@@ -218,7 +229,7 @@ impl SplatFilm {
         // What one splat adds to the mean; the same in both halves where they have samples.
         let each = (scale.half[0] * scale.weight[0]).max(scale.half[1] * scale.weight[1]);
         let variance = (!self.squares.is_empty()).then(|| {
-            self.image(|index, channel| each * each * self.squares[index][place][channel])
+            self.image(|index, channel| each * each * self.squares[index][place][channel].value())
                 .mapv(|value| value as f32)
         });
         let [a, b] = halves;

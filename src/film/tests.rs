@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::math::Rgb;
+use crate::sampler::{IndependentSampler, Sampler};
 use glam::{DVec3, Vec3};
 
 fn requirements() -> Requirements {
@@ -62,6 +63,53 @@ fn sums_go_on_beyond_the_digits_of_single_precision() {
     // One sample of 1e8 in one half leaves the other half, and samples of 1e-8, as they are.
     let [.., b] = depth(&film_of([1e8, 1e-8].map(of_depth)));
     assert_eq!(b, 1e-8);
+}
+
+/// Samples with numbers of 10⁻⁸ to 10⁸ in every layer.
+fn mixed(count: u32, seed: u32) -> Vec<(usize, PathSample)> {
+    let mut numbers = IndependentSampler::new(5, seed, 0);
+    let mut samples = Vec::new();
+    for index in 0..count {
+        let mut next = || 10f32.powf(16.0 * numbers.next_1d() - 8.0);
+        let sample = PathSample {
+            diffuse: Rgb::new(next(), next(), next()),
+            specular: Rgb::new(next(), next(), next()),
+            position: Vec3::new(next(), -next(), next()),
+            depth: next(),
+            ..PathSample::default()
+        };
+        samples.push(((index % 2) as usize, sample));
+    }
+    samples
+}
+
+#[test]
+fn in_which_order_and_on_how_many_films_samples_come_does_not_show() {
+    let settings = FilmSettings { width: 1, height: 1, crop: [0, 0, 1, 1] };
+    let filled = |samples: &[(usize, PathSample)]| {
+        let mut film = Film::new(settings, &requirements());
+        let (tiles, kept) = film.tiles_mut();
+        samples.iter().for_each(|(half, sample)| tiles[0].add(0, *half, sample, kept));
+        film
+    };
+    let mut samples = mixed(5000, 0);
+    let expected = filled(&samples).layers(DVec3::ONE);
+    let mut numbers = IndependentSampler::new(6, 0, 0);
+    for parts in [1, 2, 3, 50] {
+        for last in (1..samples.len()).rev() {
+            samples.swap(last, (numbers.next_f64() * (last + 1) as f64) as usize);
+        }
+        let mut film = filled(&[]);
+        samples.chunks(samples.len() / parts).for_each(|part| film.merge(&filled(part)));
+        let found = film.layers(DVec3::ONE);
+        for (kind, layer) in &expected.layers {
+            let other = &found.layers[kind];
+            assert_eq!(layer.mean, other.mean, "{kind:?} in {parts} parts");
+            assert_eq!(layer.variance, other.variance, "{kind:?} in {parts} parts");
+            assert_eq!(layer.halves, other.halves, "{kind:?} in {parts} parts");
+        }
+        assert_eq!(expected.samples, found.samples);
+    }
 }
 
 #[test]

@@ -2,13 +2,14 @@
 
 use super::{Counts, Sums, values};
 use crate::integrator::PathSample;
+use serde::{Deserialize, Serialize};
 
 /// Pixels along the side of a tile: small enough that the last tiles of a pass keep all threads busy, large enough that
 /// neighbouring rays share the cache.
 const SIDE: u32 = 16;
 
 /// The samples of a square of pixels.
-#[derive(Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Tile {
     /// First column and row within the crop window, columns, rows.
     area: [u32; 4],
@@ -59,6 +60,20 @@ impl Tile {
     pub fn film_pixels(&self) -> impl Iterator<Item = [u32; 2]> + use<> {
         let [x0, y0] = self.crop_start;
         self.pixels().map(move |[x, y]| [x + x0, y + y0])
+    }
+
+    /// Adds the samples of the same tile of another film.
+    pub(super) fn merge(&mut self, other: &Self) {
+        for (counts, more) in self.counts.iter_mut().zip(&other.counts) {
+            counts.half[0] += more.half[0];
+            counts.half[1] += more.half[1];
+            counts.invalid += more.invalid;
+        }
+        for (sums, more) in self.sums.iter_mut().zip(&other.sums) {
+            sums.half[0] += more.half[0];
+            sums.half[1] += more.half[1];
+            sums.squares += more.squares;
+        }
     }
 
     /// Adds one sample to the pixel of that index; `half` is 0 or 1. A sample with anything non-finite in it is counted

@@ -35,6 +35,7 @@ use first_pass::{Row, keep_marked};
 use light::Lights;
 use marks::Marks;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 pub use sums::{Ledger, PixelSums};
 
 /// Where it is read off which pixels exchange energy.
@@ -108,13 +109,60 @@ pub struct VisibilityRendering<'a> {
     settings: CorrelatedVisibility,
     seed: u64,
     half: u32,
+    shard: Shard,
     lights: Lights<'a>,
+    found: HalfFound,
+}
+
+/// What a half of a picture has found: all that it needs to go on.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct HalfFound {
     /// Those of the pilot; of the last round where the samples themselves are marked.
     marks: Option<Marks>,
     sums: Vec<PixelSums>,
     hits: u32,
     rounds: u32,
     ledger: Ledger,
+}
+
+/// Every so many rounds of both halves together, which begin in turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Which, from 0.
+    pub index: u32,
+    /// Of how many.
+    pub count: u32,
+}
+
+impl HalfFound {
+    /// Camera rays of each pixel so far, those of other shards included.
+    pub fn hits(&self) -> u32 {
+        self.hits
+    }
+
+    /// Sums over the camera rays so far, of the crop window's pixels row by row.
+    pub fn sums(&self) -> &[PixelSums] {
+        &self.sums
+    }
+
+    /// The pixels that exchange energy, none without mutations; `None` before the first camera ray.
+    pub fn marks(&self) -> Option<&Marks> {
+        self.marks.as_ref()
+    }
+
+    /// What was done so far.
+    pub fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// Adds what other rounds found.
+    pub fn merge(&mut self, other: &Self) {
+        for (sums, more) in self.sums.iter_mut().zip(&other.sums) {
+            sums.merge(more);
+        }
+        self.ledger.merge(&other.ledger);
+        self.marks = self.marks.take().or_else(|| other.marks.clone());
+    }
 }
 
 /// What each use of random numbers is told apart by.
@@ -137,43 +185,65 @@ impl<'a> VisibilityRendering<'a> {
             settings,
             seed,
             half,
+            shard: Shard { index: 0, count: 1 },
             lights: Lights::new(scene),
-            marks: None,
-            sums: vec![PixelSums::default(); columns as usize * rows as usize],
-            hits: 0,
-            rounds: 0,
-            ledger: Ledger::default(),
+            found: HalfFound {
+                marks: None,
+                sums: vec![PixelSums::default(); columns as usize * rows as usize],
+                hits: 0,
+                rounds: 0,
+                ledger: Ledger::default(),
+            },
         }
+    }
+
+    /// The same for some of the rounds only: the others are passed over.
+    #[must_use]
+    pub fn of_shard(self, shard: Shard) -> Self {
+        Self { shard, ..self }
+    }
+
+    /// The same after what was found before.
+    #[must_use]
+    pub fn with(self, found: HalfFound) -> Self {
+        Self { found, ..self }
+    }
+
+    /// What was found so far.
+    pub fn found(&self) -> &HalfFound {
+        &self.found
     }
 
     /// Camera rays of each pixel so far.
     pub fn hits(&self) -> u32 {
-        self.hits
+        self.found.hits
     }
 
     /// Sums over the camera rays so far, of the crop window's pixels row by row.
     pub fn sums(&self) -> &[PixelSums] {
-        &self.sums
+        &self.found.sums
     }
 
     /// The pixels that exchange energy, none without mutations; `None` before the first camera ray.
     pub fn marks(&self) -> Option<&Marks> {
-        self.marks.as_ref()
+        self.found.marks.as_ref()
     }
 
     /// What was done so far.
     pub fn ledger(&self) -> &Ledger {
-        &self.ledger
+        &self.found.ledger
     }
 
     /// Goes on until there are `hits` camera rays a pixel, on the threads of the current rayon pool. Rays of one call exchange
     /// energy in rounds of [`CorrelatedVisibility::hits`]; the last one may be shorter.
     pub fn advance(&mut self, hits: u32) {
-        while self.hits < hits {
-            let round = (hits - self.hits).min(self.settings.hits.max(1));
-            self.round(round);
-            self.hits += round;
-            self.rounds += 1;
+        while self.found.hits < hits {
+            let round = (hits - self.found.hits).min(self.settings.hits.max(1));
+            if (2 * self.found.rounds + self.half) % self.shard.count == self.shard.index {
+                self.round(round);
+            }
+            self.found.hits += round;
+            self.found.rounds += 1;
         }
     }
 
@@ -187,25 +257,25 @@ impl<'a> VisibilityRendering<'a> {
                 (none.clone(), Some(none))
             }
             MarkSource::Pilot => {
-                let marks = self.marks.take().unwrap_or_else(|| self.pilot());
+                let marks = self.found.marks.take().unwrap_or_else(|| self.pilot());
                 (marks.clone(), Some(marks))
             }
             MarkSource::Same => (Marks::new(size, 0, |_| true), None),
         };
         let rows: Vec<Row<'a>> =
             (0..size[1]).into_par_iter().map(|y| self.gather_row(y, hits, &kept)).collect();
-        let mut first_pass = Vec::with_capacity(self.sums.len());
+        let mut first_pass = Vec::with_capacity(self.found.sums.len());
         let (mut receivers, mut seeds) = (Vec::new(), Vec::new());
         for row in rows {
             let start = first_pass.len();
-            for (sums, other) in self.sums[start..].iter_mut().zip(&row.other) {
+            for (sums, other) in self.found.sums[start..].iter_mut().zip(&row.other) {
                 sums.merge(other);
             }
             first_pass.extend(row.direct);
             receivers.extend(row.receivers);
             seeds.extend(row.seeds);
-            self.ledger.shadow_rays += row.shadow_rays;
-            self.ledger.invalid += row.invalid;
+            self.found.ledger.shadow_rays += row.shadow_rays;
+            self.found.ledger.invalid += row.invalid;
         }
         let marks = marks.unwrap_or_else(|| {
             let marks = Marks::new(size, self.settings.dilation, |pixel| {
@@ -215,7 +285,7 @@ impl<'a> VisibilityRendering<'a> {
             marks
         });
 
-        for (pixel, (sums, direct)) in self.sums.iter_mut().zip(&first_pass).enumerate() {
+        for (pixel, (sums, direct)) in self.found.sums.iter_mut().zip(&first_pass).enumerate() {
             if marks.slot(pixel).is_some() {
                 let (unshadowed, seen) = (direct.unshadowed, direct.seen);
                 sums.merge(&PixelSums { unshadowed, seen, ..PixelSums::default() });
@@ -226,7 +296,7 @@ impl<'a> VisibilityRendering<'a> {
         if is_exchanged {
             self.exchange(&marks, hits, &receivers, &seeds);
         }
-        self.marks = Some(marks);
+        self.found.marks = Some(marks);
     }
 
     /// Columns and rows of the crop window.
@@ -256,6 +326,6 @@ impl<'a> VisibilityRendering<'a> {
 
     /// The numbers of a chain, or of a number of chains, of this half and round.
     fn chain_sampler(&self, stream: Stream, chain: u32) -> IndependentSampler {
-        IndependentSampler::new(self.stream(stream), chain, 2 * self.rounds + self.half)
+        IndependentSampler::new(self.stream(stream), chain, 2 * self.found.rounds + self.half)
     }
 }

@@ -11,6 +11,7 @@ use crate::transport::connect::{Contribution, Pair, Strategies};
 use crate::transport::mis::Heuristic;
 use crate::transport::path::Path;
 use glam::Vec2;
+use serde::{Deserialize, Serialize};
 
 /// Energy redistribution path tracing (Cline, Talbot and Egbert 2005, "Energy Redistribution Path Tracing"): samples of path
 /// tracing whose energy short chains of mutations spread over the film, in deposits of one size. Prefer it where path
@@ -56,7 +57,7 @@ impl Default for Erpt {
 }
 
 /// What became of the energy of some samples. Energies are luminance in units of a pixel's value.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
     /// Energy of all paths that samples found.
     pub found: f64,

@@ -8,7 +8,7 @@ use std::fmt::Debug;
 /// A method whose picture is what many independent Markov chains visit. Their target density is the luminance of a path's
 /// contribution, or of a whole sample's, in a measure in which a uniform draw of the crop window has density 1: its
 /// integral `b` is the mean luminance of the pixels to render.
-pub trait MarkovChains: Copy + Debug + Sync {
+pub trait MarkovChains: Copy + Debug + Send + Sync {
     /// What a candidate of the bootstrap is found again by: the draw's index, or the path itself.
     type Seed: Clone + Debug + Send + Sync;
     /// A chain with its random numbers.

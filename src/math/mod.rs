@@ -7,7 +7,9 @@ pub mod frame;
 pub mod jump;
 pub mod rgb;
 pub mod rigid;
+pub mod sum;
 pub mod warp;
 
 pub use frame::Frame;
 pub use rgb::Rgb;
+pub use sum::Sum;

@@ -5,6 +5,9 @@
 //! keeps `f` keeps this for all later states: there is no start-up bias (Veach and Guibas 1997, section 5.1; METHODS 5.2).
 //! It needs the *same* pool for both: `b` from elsewhere with seeds of few candidates is biased.
 
+/// 2⁶⁴ over the golden ratio, odd: multiples of it, modulo 2⁶⁴, are spread evenly however many there are.
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
 /// A pool of candidates for the first states of chains.
 #[derive(Clone, Debug)]
 pub struct Bootstrap<T> {
@@ -81,18 +84,16 @@ impl<T> Bootstrap<T> {
         self.invalid
     }
 
-    /// The seeds of `count` chains: candidate `i` is there `count · wᵢ / Σw` times in expectation and never more than 1 off,
-    /// by systematic resampling with the one number `u` in `[0, 1)` (Carpenter, Clifford and Fearnhead 1999, "Improved
-    /// Particle Filter for Nonlinear Problems"). In the order of the pool; none of an empty one.
-    pub fn seeds(&self, count: usize, u: f64) -> impl Iterator<Item = &T> {
-        let total = self.total();
-        let last = self.candidates.len().saturating_sub(1);
-        let count = if self.is_empty() { 0 } else { count };
-        (0..count).map(move |k| {
-            let place = (k as f64 + u) / count as f64 * total;
-            let index = self.candidates.partition_point(|&(_, sum)| sum <= place);
-            &self.candidates[index.min(last)].0
-        })
+    /// The seed of chain `k`: the candidate at the part `u_k = u + k (√5 − 1) / 2 mod 1` of the sum of all weights. With `u`
+    /// uniform in `[0, 1)` each `u_k` is, so that each seed by itself is chosen in proportion to weight; and the `u_k` of any
+    /// number of first chains are spread so evenly (Kronecker's sequence of the golden ratio, the one of lowest discrepancy)
+    /// that candidate `i` is among `n` of them `n wᵢ / Σw` times, but for one or two. `None` of an empty pool.
+    pub fn seed(&self, k: u64, u: f64) -> Option<&T> {
+        let start = (u * 2f64.powi(64)) as u64;
+        let place = start.wrapping_add(k.wrapping_mul(GOLDEN)) as f64 * 2f64.powi(-64);
+        let place = place * self.total();
+        let index = self.candidates.partition_point(|&(_, sum)| sum <= place);
+        self.candidates.get(index).or(self.candidates.last()).map(|(candidate, _)| candidate)
     }
 
     fn total(&self) -> f64 {
@@ -118,21 +119,29 @@ mod tests {
     #[test]
     fn seeds_are_there_in_proportion_to_their_weight() {
         let mut pool = Bootstrap::default();
-        pool.add_draw([(0, 1.0), (1, 2.0), (2, 5.0)]);
+        pool.add_draw([(0usize, 1.0), (1, 2.0), (2, 5.0)]);
+        let shares = [1.0 / 8.0, 2.0 / 8.0, 5.0 / 8.0];
         for u in [0.0, 0.3, 0.999_999] {
-            let seeds: Vec<i32> = pool.seeds(16, u).copied().collect();
-            assert!(seeds.is_sorted());
-            let counts = [0, 1, 2].map(|which| seeds.iter().filter(|&&seed| seed == which).count());
-            assert_eq!(counts, [2, 4, 10], "u {u}");
-        }
-        // More chains than candidates, and fewer: each candidate's expected count over u is its share.
-        let mut counts = [0; 3];
-        for step in 0..1600 {
-            for &seed in pool.seeds(1, f64::from(step) / 1600.0) {
-                counts[seed as usize] += 1;
+            let mut counts = [0; 3];
+            for k in 0..10_000 {
+                counts[*pool.seed(k, u).unwrap()] += 1;
+                for (count, share) in counts.into_iter().zip(shares) {
+                    let expected = share * (k + 1) as f64;
+                    // Kesten 1966: an interval of any length is off by O(log n); here by less than 3.
+                    assert!((f64::from(count) - expected).abs() < 3.0, "u {u}, k {k}: {counts:?}");
+                }
             }
         }
-        assert_eq!(counts, [200, 400, 1000]);
+        // Over u, each candidate's expected count for any one chain is its share.
+        for k in [0, 1, 77] {
+            let mut counts = [0; 3];
+            for step in 0..1600 {
+                counts[*pool.seed(k, f64::from(step) / 1600.0).unwrap()] += 1;
+            }
+            for (count, share) in counts.into_iter().zip(shares) {
+                assert!((f64::from(count) - 1600.0 * share).abs() <= 1.0, "chain {k}: {counts:?}");
+            }
+        }
     }
 
     #[test]
@@ -152,9 +161,9 @@ mod tests {
     #[test]
     fn a_black_pool_has_no_seeds() {
         let mut pool: Bootstrap<u8> = Bootstrap::default();
-        assert_eq!((pool.mean(), pool.error(), pool.seeds(4, 0.5).count()), (0.0, 0.0, 0));
+        assert_eq!((pool.mean(), pool.error(), pool.seed(4, 0.5)), (0.0, 0.0, None));
         pool.add_draw([(1, 0.0)]);
         pool.add_draw([]);
-        assert_eq!((pool.mean(), pool.error(), pool.seeds(4, 0.5).count()), (0.0, 0.0, 0));
+        assert_eq!((pool.mean(), pool.error(), pool.seed(4, 0.5)), (0.0, 0.0, None));
     }
 }

@@ -1,5 +1,7 @@
 //! How chains fared, and why they stayed where they were.
 
+use serde::{Deserialize, Serialize};
+
 /// Why a proposal came to nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Failure {
@@ -46,7 +48,7 @@ impl Failure {
 }
 
 /// Counts of one kernel.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct KernelStatistics {
     /// How often it was chosen.
     pub proposed: u64,
@@ -59,7 +61,7 @@ pub struct KernelStatistics {
 }
 
 /// Counts of a chain, or of several together.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     /// One entry a kernel.
     pub kernels: Vec<KernelStatistics>,

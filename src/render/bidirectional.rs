@@ -1,8 +1,8 @@
 //! Rounds of bidirectional path tracing: samples of pixels, and splats from walks of light.
 
-use super::method::{Method, Report, replace_radiance};
-use super::{RenderSettings, SamplerKind};
-use crate::film::{Film, Radiance, Scale, SplatFilm, Tile};
+use super::method::{Found, Method};
+use super::{RenderSettings, SamplerKind, Shard};
+use crate::film::{Film, SplatFilm, Tile};
 use crate::integrator::bdpt::{Bdpt, Workspace};
 use crate::integrator::{PathSample, Splat};
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
@@ -10,8 +10,9 @@ use crate::scene::{Requirements, Scene};
 use crate::transport::Contribution;
 use crate::transport::connect::Pair;
 use glam::Vec2;
-use quietlight_denoise::Layers;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Samples of a whole picture that a round takes, about: a second at most, and few enough that their splats fit in memory.
 const ROUND: u64 = 1 << 18;
@@ -22,70 +23,100 @@ pub(super) struct Bidirectional<'s> {
     scene: &'s Scene,
     bdpt: Bdpt,
     numbers: Numbers,
+    shard: Shard,
+    found: Sums,
+}
+
+/// What bidirectional walks found.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Sums {
     /// What walks from the lens found, sample by sample.
     film: Film,
     /// What walks of light threw elsewhere.
     splats: SplatFilm,
     samples: u32,
+    /// Pixels of the crop window.
+    pixels: u64,
 }
 
 impl<'s> Bidirectional<'s> {
-    pub(super) fn new(scene: &'s Scene, bdpt: Bdpt, settings: &RenderSettings) -> Self {
+    pub(super) fn new(
+        scene: &'s Scene,
+        bdpt: Bdpt,
+        settings: &RenderSettings,
+        found: Option<Sums>,
+    ) -> Self {
         Self {
             scene,
             bdpt,
             numbers: Numbers { seed: settings.seed, sampler: settings.sampler },
-            film: Film::of_radiance(scene.film, &Requirements::of(scene)),
-            splats: SplatFilm::of_independent(scene.film),
-            samples: 0,
+            shard: settings.shard,
+            found: found.unwrap_or_else(|| Sums {
+                film: Film::of_radiance(scene.film, &Requirements::of(scene)),
+                splats: SplatFilm::of_independent(scene.film),
+                samples: 0,
+                pixels: scene.film.crop_pixels(),
+            }),
         }
-    }
-
-    fn pixels(&self) -> u64 {
-        let [_, _, columns, rows] = self.scene.film.crop.map(u64::from);
-        columns * rows
     }
 }
 
 impl Method for Bidirectional<'_> {
     fn round(&mut self, most: u32) {
-        let size = (ROUND / self.pixels().max(1)).clamp(1, 256) as u32;
-        let count = size.min(most - self.samples);
-        let samples = self.samples..self.samples + count;
-        let Self { scene, bdpt, numbers, film, splats, .. } = self;
+        let Self { scene, bdpt, numbers, shard, found } = self;
+        let Sums { film, splats, samples, pixels } = found;
+        let size = (ROUND / (*pixels).max(1)).clamp(1, 256) as u32;
+        let count = size.min(shard.share(most).saturating_sub(*samples));
+        let own = (*samples..*samples + count).map(|own| shard.number(own));
         let (tiles, kept) = film.tiles_mut();
         let work = Work { scene, bdpt: *bdpt, numbers: *numbers };
         let thrown: Vec<Vec<(usize, Splat)>> = tiles
             .par_iter_mut()
             .map_init(Workspace::default, |workspace, tile| {
-                work.fill(tile, kept, samples.clone(), workspace)
+                work.fill(tile, kept, own.clone(), workspace)
             })
             .collect();
         for (half, splat) in thrown.iter().flatten() {
             splats.add(*half, splat);
         }
-        self.samples += count;
+        *samples += count;
     }
 
-    fn samples(&self) -> u32 {
+    fn is_complete(&self, most: u32) -> bool {
+        self.found.samples >= self.shard.share(most)
+    }
+
+    fn found(&self) -> Found<'_> {
+        Found::Bidirectional(Cow::Borrowed(&self.found))
+    }
+}
+
+impl Sums {
+    pub(super) fn film(&self) -> &Film {
+        &self.film
+    }
+
+    pub(super) fn splats(&self) -> &SplatFilm {
+        &self.splats
+    }
+
+    pub(super) fn samples(&self) -> u32 {
         self.samples
     }
 
-    fn done(&self) -> u64 {
-        u64::from(self.samples) * self.pixels()
+    pub(super) fn done(&self) -> u64 {
+        u64::from(self.samples) * self.pixels
     }
 
-    fn put_radiance(&self, layers: &mut Layers) {
-        replace_radiance(self.film.layers(self.scene.origin), layers);
-        self.splats.put_into(layers, &Scale::of_samples(self.samples), Radiance::Added);
-    }
-
-    fn invalid(&self) -> u64 {
+    pub(super) fn invalid(&self) -> u64 {
         self.film.invalid_samples() + self.splats.invalid_splats()
     }
 
-    fn report(&self) -> Report {
-        Report::default()
+    /// Adds what other samples of the same picture found.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.film.merge(&other.film);
+        self.splats.merge(&other.splats);
+        self.samples += other.samples;
     }
 }
 
@@ -102,7 +133,7 @@ impl<'s> Work<'s> {
         &self,
         tile: &mut Tile,
         kept: &[usize],
-        samples: std::ops::Range<u32>,
+        samples: impl Iterator<Item = u32> + Clone,
         workspace: &mut Workspace<'s>,
     ) -> Vec<(usize, Splat)> {
         let (mut found, mut splats) = (Vec::<Contribution>::new(), Vec::new());

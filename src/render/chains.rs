@@ -1,16 +1,21 @@
 //! Rounds of Markov chains.
+//!
+//! Chains run whole, one after another: what one leaves behind is on the film, so that a render that goes on, or one that
+//! several machines share, needs no chain under way.
 
-use super::method::{Method, Report, replace_radiance};
+use super::method::{Found, Method, Report};
 use super::sampled::Sampled;
+use super::spread::{Moments, Spread};
 use super::units::run_units;
-use super::{Budget, RenderSettings};
-use crate::film::{Radiance, Scale, SplatFilm};
-use crate::integrator::{MarkovChains, Splat};
+use super::{Budget, RenderSettings, Shard};
+use crate::film::{Scale, SplatFilm};
+use crate::integrator::MarkovChains;
 use crate::mcmc::{Bootstrap, Failure, Statistics};
 use crate::sampler::{IndependentSampler, Stream};
 use crate::scene::Scene;
-use quietlight_denoise::Layers;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Mutations that a chain should make. Seeds that stand for the light need no chain to wander far, and a chain that is caught
 /// by one bright path makes a spike of its whole share of the light: in the caustic pool 256 chains of 250 000 mutations
@@ -20,12 +25,15 @@ const MUTATIONS_PER_CHAIN: u64 = 10_000;
 /// Fewest chains: enough for 64 threads and for two halves that each know how much their chains differ.
 const FEWEST_CHAINS: u64 = 64;
 
-/// Chains where only the time is known.
-const CHAINS_OF_TIME: u64 = 4096;
+/// Where only the time is known: about what a thread makes in a second, and fewest mutations of a chain.
+const MUTATIONS_PER_SECOND: f64 = 1e5;
+const SHORTEST_OF_TIME: u64 = 100;
 
-/// Mutations in a round, of all chains together: below a second of two threads, while a thread's share is well above what it
-/// costs to hand it out.
+/// Mutations in a round, of all chains together, unless there are many threads: below a second of two.
 const ROUND: u64 = 1 << 17;
+
+/// Fewest chains in a round for each thread, so that none waits long for the others.
+const CHAINS_PER_THREAD: usize = 4;
 
 /// Mutations for each draw of the bootstrap: a draw costs about three mutations, and thus a fifth of the time.
 const MUTATIONS_PER_DRAW: u64 = 16;
@@ -50,91 +58,118 @@ const DISAGREEMENT: f64 = 1.1;
 pub(super) struct Chains<'a, M: MarkovChains> {
     scene: &'a Scene,
     method: M,
-    film: SplatFilm,
+    seed: u64,
+    shard: Shard,
+    /// Candidates of each half, and the number that the places of its seeds begin with.
+    pools: [(Bootstrap<M::Seed>, f64); 2],
     /// Light that the chains leave to path tracing.
     direct: Option<Sampled<'a>>,
-    /// Chains of even index belong to half 0, those of odd index to half 1.
-    chains: Vec<Unit<M::Walker<'a>>>,
+    found: Splats,
+}
+
+/// What chains have left behind.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Splats {
+    film: SplatFilm,
+    /// Pixels of the crop window.
+    pixels: u64,
+    /// Names of the mutations.
+    names: Vec<String>,
     /// Draws of both pools.
     draws: u64,
+    /// Mutations of a chain; the last one may have fewer.
+    length: u64,
     /// Normalisation and its standard error, from each half's pool.
     normalisation: [(f64, f64); 2],
-    /// Chains in each half, of those that could start.
-    counts: [usize; 2],
-    /// Mutations that each chain has made.
-    mutations: u64,
+    /// The chain that comes next, and the mutations that all before it make together, also those of other shards. Chains of
+    /// even index belong to half 0, those of odd index to half 1.
+    next: u64,
+    position: u64,
+    /// Mutations due to the chains so far, and those made in each half: none where there is no candidate to start from.
+    done: u64,
+    mutations: [u64; 2],
+    /// Chains that ran.
+    chains: u64,
+    statistics: Statistics,
+    spread: Spread,
     /// Candidates whose weight was not finite.
     invalid: u64,
 }
 
 /// One chain.
-#[derive(Debug)]
-struct Unit<W> {
-    half: usize,
-    walker: W,
-    place: Moments,
+#[derive(Clone, Debug)]
+struct Unit {
+    index: u64,
+    mutations: u64,
+    outcome: Option<(Statistics, Moments)>,
+}
+
+impl Unit {
+    fn half(&self) -> usize {
+        (self.index & 1) as usize
+    }
 }
 
 impl<'a, M: MarkovChains> Chains<'a, M> {
-    /// Makes the pools of candidates and starts the chains, on the threads of the current rayon pool.
-    pub(super) fn new(scene: &'a Scene, method: M, settings: &RenderSettings) -> Self {
+    /// Makes the pools of candidates, on the threads of the current rayon pool; goes on from what was `found`.
+    pub(super) fn new(
+        scene: &'a Scene,
+        method: M,
+        settings: &RenderSettings,
+        found: Option<(Splats, Option<Sampled<'a>>)>,
+    ) -> Self {
         let pixels = scene.film.crop_pixels();
-        let count = match settings.budget {
-            Budget::Samples(samples) => {
-                (pixels * u64::from(samples)).div_ceil(MUTATIONS_PER_CHAIN).max(FEWEST_CHAINS)
-            }
-            Budget::Time(_) => CHAINS_OF_TIME,
+        let draws = match &found {
+            Some((found, _)) => found.draws,
+            None => draws(&method, settings.budget, pixels),
         };
-        let in_half = count.div_ceil(2);
-        let draws = draws(&method, settings.budget, pixels);
-        let pools = [0, 1].map(|half| pool(scene, &method, settings.seed, half, draws));
-
-        let mut seeds = Vec::new();
-        for (half, pool) in pools.iter().enumerate() {
-            let mut numbers = IndependentSampler::stream(settings.seed, Stream::Seeds, half as u64);
-            let of_half = pool.seeds(in_half as usize, numbers.next_f64());
-            seeds.extend(of_half.zip(0..).map(|(seed, k)| (2 * k + half as u64, half, seed)));
-        }
-        seeds.sort_by_key(|&(index, ..)| index);
-        let start = |(index, half, seed): (u64, usize, &M::Seed)| {
-            let walker = method.start(scene, settings.seed, seed, index);
-            debug_assert!(walker.is_some(), "a seed was not found again: {seed:?}");
-            walker.map(|walker| Unit { half, walker, place: Moments::default() })
-        };
-        let chains: Vec<Unit<M::Walker<'a>>> =
-            seeds.into_par_iter().map(start).collect::<Vec<_>>().into_iter().flatten().collect();
-        let counts = [0, 1].map(|half| chains.iter().filter(|unit| unit.half == half).count());
-        Self {
-            scene,
-            method,
-            // The squares are not the variance, but they have its shape from pixel to pixel; the halves give its size.
-            film: SplatFilm::of_independent(scene.film),
-            direct: method.direct().then(|| Sampled::of_direct(scene, settings)),
-            chains,
-            draws,
-            normalisation: [0, 1].map(|half| (pools[half].mean(), pools[half].error())),
-            counts,
-            mutations: 0,
-            invalid: pools.iter().map(Bootstrap::invalid).sum(),
-        }
-    }
-
-    /// What the film's sums must be multiplied by: `b · pixels / mutations` of each half.
-    fn scale(&self) -> Scale {
-        let pixels = self.scene.film.crop_pixels() as f64;
-        let half = [0, 1].map(|half| {
-            let mutations = self.counts[half] as f64 * self.mutations as f64;
-            if mutations > 0.0 { self.normalisation[half].0 * pixels / mutations } else { 0.0 }
+        let pools = [0, 1].map(|half| {
+            let mut numbers = IndependentSampler::stream(settings.seed, Stream::Seeds, half);
+            (pool(scene, &method, settings.seed, half, draws), numbers.next_f64())
         });
-        Scale { half, weight: [0.5; 2] }
+        let (found, direct) = found.unwrap_or_else(|| {
+            let found = Splats {
+                // The squares are not the variance, but they have its shape from pixel to pixel; the halves give its size.
+                film: SplatFilm::of_independent(scene.film),
+                pixels,
+                names: method.names().iter().map(|&name| name.to_owned()).collect(),
+                draws,
+                length: length(settings.budget, pixels),
+                normalisation: [0, 1].map(|half: usize| {
+                    let pool = &pools[half].0;
+                    (pool.mean(), pool.error())
+                }),
+                next: 0,
+                position: 0,
+                done: 0,
+                mutations: [0; 2],
+                chains: 0,
+                statistics: Statistics::new(method.names().len()),
+                spread: Spread::default(),
+                invalid: pools.iter().map(|(pool, _)| pool.invalid()).sum(),
+            };
+            (found, method.direct().then(|| Sampled::of_direct(scene, settings)))
+        });
+        let (seed, shard) = (settings.seed, settings.shard);
+        Self { scene, method, seed, shard, pools, direct, found }
     }
 
-    fn statistics(&self) -> Statistics {
-        let mut all = Statistics::new(self.method.names().len());
-        for unit in &self.chains {
-            all.merge(self.method.statistics(&unit.walker));
+    /// The chains of the next round, those of this shard only.
+    fn take(&mut self, most: u32) -> Vec<Unit> {
+        let found = &mut self.found;
+        let total = found.pixels * u64::from(most);
+        let wanted = ROUND.div_ceil(found.length) as usize;
+        let wanted = wanted.max(CHAINS_PER_THREAD * rayon::current_num_threads());
+        let mut units = Vec::new();
+        while found.position < total && units.len() < wanted {
+            let mutations = found.length.min(total - found.position);
+            if self.shard.has(found.next) {
+                units.push(Unit { index: found.next, mutations, outcome: None });
+            }
+            found.next += 1;
+            found.position += mutations;
         }
-        all
+        units
     }
 }
 
@@ -148,6 +183,22 @@ fn draws<M: MarkovChains>(method: &M, budget: Budget, pixels: u64) -> u64 {
         }
     };
     affordable.clamp(u64::from(method.draws()), MOST_DRAWS.max(u64::from(method.draws())))
+}
+
+/// Mutations of a chain: as many as it should make, or fewer, so that there are enough chains, as many in both halves.
+fn length(budget: Budget, pixels: u64) -> u64 {
+    match budget {
+        Budget::Samples(samples) => {
+            let total = pixels * u64::from(samples);
+            let chains = total.div_ceil(MUTATIONS_PER_CHAIN).max(FEWEST_CHAINS);
+            total.div_ceil(chains.next_multiple_of(2)).max(1)
+        }
+        Budget::Time(time) => {
+            let threads = rayon::current_num_threads() as f64;
+            let total = time.as_secs_f64() * MUTATIONS_PER_SECOND * threads;
+            ((total / FEWEST_CHAINS as f64) as u64).clamp(SHORTEST_OF_TIME, MUTATIONS_PER_CHAIN)
+        }
+    }
 }
 
 /// The candidates of one half.
@@ -177,72 +228,108 @@ fn pool<M: MarkovChains>(
 
 impl<M: MarkovChains> Method for Chains<'_, M> {
     fn round(&mut self, most: u32) {
-        let Self { scene, method, film, chains, .. } = self;
-        let count = self.counts.iter().sum::<usize>().max(1) as u64;
-        let whole = (scene.film.crop_pixels() * u64::from(most)).div_ceil(count);
-        let mutations = ROUND.div_ceil(count).min(whole.saturating_sub(self.mutations));
-        run_units(chains, film, |unit, splats| {
-            method.mutate(scene, &mut unit.walker, mutations, splats);
-            splats.iter().for_each(|splat| unit.place.add(splat));
-            unit.half
+        let mut units = self.take(most);
+        let Self { scene, method, seed, pools, found, .. } = self;
+        run_units(&mut units, &mut found.film, |unit, splats| {
+            let half = unit.half();
+            let (pool, u) = &pools[half];
+            let Some(from) = pool.seed(unit.index / 2, *u) else { return half };
+            let walker = method.start(scene, *seed, from, unit.index);
+            debug_assert!(walker.is_some(), "a seed was not found again: {from:?}");
+            if let Some(mut walker) = walker {
+                method.mutate(scene, &mut walker, unit.mutations, splats);
+                let mut place = Moments::default();
+                splats.iter().for_each(|splat| place.add(splat));
+                unit.outcome = Some((method.statistics(&walker).clone(), place));
+            }
+            half
         });
-        self.mutations += mutations;
-        let samples = self.samples();
+        for unit in units {
+            found.done += unit.mutations;
+            let half = unit.half();
+            if let Some((statistics, place)) = unit.outcome {
+                found.chains += 1;
+                found.mutations[half] += unit.mutations;
+                found.statistics.merge(&statistics);
+                found.spread.add(&place);
+            }
+        }
+        let samples = (found.position / found.pixels) as u32;
         if let Some(direct) = &mut self.direct {
             direct.keep_up(samples);
         }
     }
 
-    fn samples(&self) -> u32 {
-        (self.done() / self.scene.film.crop_pixels()) as u32
+    fn is_complete(&self, most: u32) -> bool {
+        self.found.position >= self.found.pixels * u64::from(most)
     }
 
-    fn done(&self) -> u64 {
-        self.mutations * self.counts.iter().sum::<usize>().max(1) as u64
+    fn found(&self) -> Found<'_> {
+        let direct = self.direct.as_ref().map(|direct| Cow::Borrowed(direct.taken()));
+        Found::Chains(Cow::Borrowed(&self.found), direct)
+    }
+}
+
+impl Splats {
+    pub(super) fn film(&self) -> &SplatFilm {
+        &self.film
     }
 
-    fn put_radiance(&self, layers: &mut Layers) {
-        let radiance = match &self.direct {
-            Some(direct) => {
-                replace_radiance(direct.layers(), layers);
-                Radiance::Added
-            }
-            None => Radiance::Replaced,
-        };
-        self.film.put_into(layers, &self.scale(), radiance);
+    /// What the film's sums must be multiplied by: `b · pixels / mutations` of each half.
+    pub(super) fn scale(&self) -> Scale {
+        let half = [0, 1].map(|half| {
+            let mutations = self.mutations[half] as f64;
+            let b = self.normalisation[half].0;
+            if mutations > 0.0 { b * self.pixels as f64 / mutations } else { 0.0 }
+        });
+        Scale { half, weight: [0.5; 2] }
     }
 
-    fn is_independent(&self) -> bool {
-        false
+    /// Mutations of the whole picture.
+    pub(super) fn done(&self) -> u64 {
+        self.done
     }
 
-    fn invalid(&self) -> u64 {
-        let failures = self.statistics().kernels;
-        let not_finite = failures.iter().map(|kernel| kernel.failures[Failure::NotFinite as usize]);
-        let direct = self.direct.as_ref().map_or(0, Sampled::invalid_samples);
-        self.film.invalid_splats() + self.invalid + not_finite.sum::<u64>() + direct
+    pub(super) fn samples(&self) -> u32 {
+        per_pixel(self.done, self.pixels)
     }
 
-    fn report(&self) -> Report {
+    pub(super) fn invalid(&self) -> u64 {
+        let kernels = self.statistics.kernels.iter();
+        let not_finite = kernels.map(|kernel| kernel.failures[Failure::NotFinite as usize]);
+        self.film.invalid_splats() + self.invalid + not_finite.sum::<u64>()
+    }
+
+    /// Adds what other chains of the same picture left.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.film.merge(&other.film);
+        self.next = self.next.max(other.next);
+        self.position = self.position.max(other.position);
+        self.done += other.done;
+        self.mutations = [0, 1].map(|half: usize| self.mutations[half] + other.mutations[half]);
+        self.chains += other.chains;
+        self.statistics.merge(&other.statistics);
+        self.spread.merge(&other.spread);
+    }
+
+    pub(super) fn report(&self) -> Report {
         let mut report = Report::default();
         let mut tell = |name: &str, value: String| report.facts.push((name.to_owned(), value));
         let [(a, error_a), (b, error_b)] = self.normalisation;
         let (mean, error) = (0.5 * (a + b), 0.5 * error_a.hypot(error_b));
         tell("normalisation", format!("{mean:.6e} ± {error:.1e}"));
-        tell("chains", format!("{} of {} mutations", self.chains.len(), self.mutations));
-        let statistics = self.statistics();
-        let lines = statistics.lines(self.method.names());
-        for (name, line) in self.method.names().iter().zip(lines) {
+        tell("chains", format!("{} of {} mutations", self.chains, self.length));
+        let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
+        for (name, line) in names.iter().zip(self.statistics.lines(&names)) {
             let line = line.strip_prefix(&format!("{name}: ")).unwrap_or(&line).to_owned();
             tell(&format!("mutation {name}"), line);
         }
-        tell("longest_stay", format!("{} mutations", statistics.longest_stay));
-        let places: Vec<Moments> = self.chains.iter().map(|unit| unit.place).collect();
-        let disagreement = disagreement(&places);
+        tell("longest_stay", format!("{} mutations", self.statistics.longest_stay));
+        let disagreement = self.spread.disagreement();
         if let Some(disagreement) = disagreement {
             tell("chains_disagreement", format!("{disagreement:.3}"));
         }
-        if self.chains.is_empty() {
+        if self.chains == 0 {
             report
                 .warnings
                 .push(format!("no light found by {} samples: the picture is black", self.draws));
@@ -257,71 +344,20 @@ impl<M: MarkovChains> Method for Chains<'_, M> {
     }
 }
 
-/// Where a chain was on the film, by luminance.
-#[derive(Clone, Copy, Debug, Default)]
-struct Moments {
-    weight: f64,
-    sum: [f64; 2],
-    squares: [f64; 2],
-}
-
-impl Moments {
-    fn add(&mut self, splat: &Splat) {
-        let weight = f64::from((splat.diffuse + splat.specular).luminance());
-        if !(weight.is_finite() && splat.raster.is_finite()) {
-            return;
-        }
-        self.weight += weight;
-        for (axis, place) in splat.raster.as_dvec2().to_array().into_iter().enumerate() {
-            self.sum[axis] += weight * place;
-            self.squares[axis] += weight * place * place;
-        }
-    }
-}
-
-/// The ratio `√((W + B) / W)` of the spread of the chains' mean places (variance `B`) to that within the chains (mean
-/// variance `W`), for the axis where it is larger: 1 where chains have all been everywhere, large where each stayed around
-/// its seed. `None` for fewer than two chains, or where nothing moves.
-fn disagreement(chains: &[Moments]) -> Option<f64> {
-    let chains: Vec<&Moments> = chains.iter().filter(|chain| chain.weight > 0.0).collect();
-    let count = chains.len() as f64;
-    if count < 2.0 {
-        return None;
-    }
-    let of_axis = |axis: usize| {
-        let means = || chains.iter().map(|chain| chain.sum[axis] / chain.weight);
-        let mean = means().sum::<f64>() / count;
-        let between = means().map(|m| (m - mean) * (m - mean)).sum::<f64>() / (count - 1.0);
-        let squares = chains.iter().map(|chain| chain.squares[axis] / chain.weight);
-        let within = squares.zip(means()).map(|(s, m)| (s - m * m).max(0.0)).sum::<f64>() / count;
-        (within > 0.0).then(|| ((within + between) / within).sqrt())
-    };
-    of_axis(0).into_iter().chain(of_axis(1)).reduce(f64::max)
+/// Mutations per pixel, rounded down; the most that there may be where whole rounds of all chains went beyond it.
+fn per_pixel(mutations: u64, pixels: u64) -> u32 {
+    (mutations / pixels).try_into().unwrap_or(u32::MAX)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::math::Rgb;
-    use glam::Vec2;
-
-    fn chain(places: &[f32]) -> Moments {
-        let mut moments = Moments::default();
-        for &x in places {
-            let raster = Vec2::new(x, 1.0);
-            moments.add(&Splat { raster, diffuse: Rgb::WHITE, specular: Rgb::BLACK });
-        }
-        moments
-    }
+    use super::per_pixel;
 
     #[test]
-    fn chains_that_stay_apart_disagree() {
-        let alike = [chain(&[0.0, 2.0, 4.0]), chain(&[4.0, 2.0, 0.0])];
-        assert!((disagreement(&alike).unwrap() - 1.0).abs() < 1e-9);
-        // Means 1 and 9: variance 32 between, 1 within.
-        let apart = [chain(&[0.0, 2.0]), chain(&[8.0, 10.0])];
-        assert!((disagreement(&apart).unwrap() - 33f64.sqrt()).abs() < 1e-6);
-        assert_eq!(disagreement(&apart[..1]), None);
-        assert_eq!(disagreement(&[chain(&[1.0]), chain(&[1.0]), chain(&[])]), None);
+    fn more_mutations_than_32_bits_hold_are_not_counted_from_0_again() {
+        assert_eq!(per_pixel(1_000_000_000, 1), 1_000_000_000);
+        assert_eq!(per_pixel(1 << 40, 65_536 * 65_536), 256);
+        // 4096 chains of 2²⁰ mutations for one pixel: the time was longer than its counter.
+        assert_eq!(per_pixel(1 << 32, 1), u32::MAX);
     }
 }

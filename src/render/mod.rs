@@ -1,30 +1,48 @@
 //! Who runs where: passes over tiles, rounds of chains, threads, budgets of samples or time, progress.
 
+mod average;
 mod bidirectional;
 mod chains;
+mod memory;
 mod method;
+mod plan;
 pub mod probe;
 mod redistribution;
 mod sampled;
+mod shard;
+mod spread;
+mod state;
 mod strategies;
 pub mod survey;
+mod target;
 mod units;
 mod visibility;
 
+pub use average::{Average, AverageError};
+pub use memory::{NotEnoughMemory, check_memory};
 pub use method::Report;
+pub use plan::Plan;
 pub use sampled::replay;
+pub use shard::Shard;
+pub use state::{Header, State, StateError};
 pub use strategies::{StrategyImage, strategies, strategy_images};
+pub use target::{Ending, Target};
 
 use crate::integrator::Integrator;
 use crate::scene::Scene;
 use method::Method;
-use quietlight_denoise::{Layers, variance};
+use quietlight_denoise::Layers;
 use sampled::{Sampled, next_pass};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Where random numbers come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SamplerKind {
     /// Owen-scrambled Sobol points: lower error at the same count.
     #[default]
@@ -34,12 +52,21 @@ pub enum SamplerKind {
 }
 
 /// How much work a picture is worth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Budget {
     /// Samples per pixel: paths or mutations. Only these give the same bits again.
     Samples(u32),
     /// Wall time, heeded to within a pass or a round.
     Time(Duration),
+}
+
+impl fmt::Display for Budget {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Samples(samples) => write!(out, "{samples} samples per pixel"),
+            Self::Time(time) => write!(out, "{} s", time.as_secs_f64()),
+        }
+    }
 }
 
 /// How to render.
@@ -53,6 +80,9 @@ pub struct RenderSettings {
     pub sampler: SamplerKind,
     /// How light is found.
     pub integrator: Integrator,
+    /// Which part of the picture's samples or chains to take. A part has no picture of its own: [`State::merged`] makes it
+    /// out of all of them, bit by bit as if there had been only one. Only for budgets of samples.
+    pub shard: Shard,
     /// Length of a pass: how often progress is whole and a stop is heeded.
     pub pass: Duration,
 }
@@ -64,6 +94,7 @@ impl Default for RenderSettings {
             seed: 0,
             sampler: SamplerKind::default(),
             integrator: Integrator::default(),
+            shard: Shard::WHOLE,
             pass: Duration::from_secs(1),
         }
     }
@@ -107,7 +138,7 @@ pub fn render(
 }
 
 /// A render that can go on: samples are taken in their order, so that how many at a time does not change the picture of
-/// path tracing. The other methods go on, too, but the last bits of their sums tell where they halted.
+/// path tracing, nor that of other methods while they go on towards the samples that [`RenderSettings::budget`] names.
 #[derive(Debug)]
 pub struct Rendering<'a> {
     scene: &'a Scene,
@@ -116,19 +147,28 @@ pub struct Rendering<'a> {
     /// What gives the radiance, from its first round on; never for path tracing.
     method: Option<Box<dyn Method + 'a>>,
     elapsed: Duration,
+    /// Once it was asked for.
+    plan: OnceLock<Plan>,
 }
 
 impl<'a> Rendering<'a> {
     /// A render without samples. `settings.budget` is not yet used up, but tells methods what to prepare for.
     pub fn new(scene: &'a Scene, settings: &RenderSettings) -> Self {
         let sampled = Sampled::new(scene, settings);
-        Self { scene, settings: *settings, sampled, method: None, elapsed: Duration::ZERO }
+        Self {
+            scene,
+            settings: *settings,
+            sampled,
+            method: None,
+            elapsed: Duration::ZERO,
+            plan: OnceLock::new(),
+        }
     }
 
     /// Samples or mutations per pixel taken so far.
     pub fn samples(&self) -> u32 {
         match &self.method {
-            Some(method) => method.samples(),
+            Some(method) => method.found().samples(),
             None if self.settings.integrator.is_path() => self.sampled.samples(),
             None => 0,
         }
@@ -166,7 +206,10 @@ impl<'a> Rendering<'a> {
     ) {
         let is_path = self.settings.integrator.is_path();
         let (fewest, most) = match budget {
-            Budget::Samples(samples) => (samples, samples),
+            Budget::Samples(samples) => {
+                let own = self.settings.shard.share(samples);
+                (own, own)
+            }
             Budget::Time(_) if is_path => (1, u32::MAX),
             Budget::Time(_) => (2, FEATURE_SAMPLES),
         };
@@ -196,52 +239,95 @@ impl<'a> Rendering<'a> {
         stop: &AtomicBool,
     ) {
         if self.method.is_none() {
-            self.method = method::start(self.scene, &self.settings);
+            self.method = method::start(self.scene, &self.settings, None);
         }
         let Some(method) = &mut self.method else { return };
         let most = match budget {
             Budget::Samples(samples) => samples,
             Budget::Time(_) => u32::MAX,
         };
-        while method.samples() < most && !stop.load(Ordering::Relaxed) {
+        while !method.is_complete(most) && !stop.load(Ordering::Relaxed) {
+            let round = Instant::now();
             method.round(most);
-            progress(method.done());
-            if matches!(budget, Budget::Time(time) if clock.elapsed() >= time) {
+            progress(method.found().done());
+            // A round more would end later than now is early.
+            let next = clock.elapsed() + round.elapsed() / 2;
+            if matches!(budget, Budget::Time(time) if next >= time) {
                 break;
             }
         }
     }
 
+    /// Non-finite samples and splats dropped so far.
+    pub fn invalid_samples(&self) -> u64 {
+        let found = self.method.as_ref().map(|method| method.found());
+        state::invalid(self.sampled.taken(), found.as_ref())
+    }
+
     /// The layers as the samples so far give them, with corrected variances.
     pub fn layers(&self) -> Layers {
-        let mut layers = self.sampled.layers();
-        if let Some(method) = &self.method {
-            method.put_radiance(&mut layers);
+        let found = self.method.as_ref().map(|method| method.found());
+        state::layers(
+            self.sampled.taken(),
+            found.as_ref(),
+            self.settings.sampler,
+            self.scene.origin,
+        )
+    }
+
+    /// All that it needs to go on another time.
+    pub fn state(&self) -> State<'_> {
+        let is_complete = match self.settings.budget {
+            Budget::Time(time) => self.elapsed >= time,
+            Budget::Samples(samples) => match &self.method {
+                Some(method) => method.is_complete(samples),
+                None if self.settings.integrator.is_path() => {
+                    self.sampled.samples() >= self.settings.shard.share(samples)
+                }
+                None => false,
+            },
+        };
+        let header = Header {
+            plan: self.plan.get_or_init(|| Plan::of(self.scene, &self.settings)).clone(),
+            budget: self.settings.budget,
+            shard: self.settings.shard,
+            is_complete,
+            elapsed: self.elapsed,
+            notes: BTreeMap::new(),
+        };
+        State {
+            header,
+            taken: Cow::Borrowed(self.sampled.taken()),
+            found: self.method.as_ref().map(|method| method.found()),
         }
-        // The variance of independent samples is right, and of more degrees of freedom than that of the halves; that of
-        // splats that depend on each other only the halves know.
-        let depends = self.method.as_ref().is_some_and(|method| !method.is_independent());
-        for (kind, layer) in &mut layers.layers {
-            if self.settings.sampler == SamplerKind::Sobol
-                || layer.variance.is_none()
-                || (depends && kind.is_radiance())
-            {
-                variance::correct_variances(layer);
-            }
-        }
-        layers
+    }
+
+    /// Goes on from the state of a render with the same settings.
+    ///
+    /// # Errors
+    /// [`StateError::Differs`] where it is of another scene, or of other settings that its numbers depend on.
+    pub fn resume(
+        scene: &'a Scene,
+        settings: &RenderSettings,
+        state: State<'static>,
+    ) -> Result<Self, StateError> {
+        state.header.check(scene, settings)?;
+        let State { header: Header { plan, elapsed, .. }, taken, found } = state;
+        let sampled = Sampled::new(scene, settings).with(taken.into_owned());
+        let method = found.and_then(|found| method::start(scene, settings, Some(found)));
+        let plan = OnceLock::from(plan);
+        Ok(Self { scene, settings: *settings, sampled, method, elapsed, plan })
     }
 
     /// The picture.
     pub fn finish(self) -> Rendered {
         let start = Instant::now();
-        let method = self.method.as_ref();
+        let found = self.method.as_ref().map(|method| method.found());
         Rendered {
             layers: self.layers(),
             samples: self.samples(),
-            invalid_samples: self.sampled.invalid_samples()
-                + method.map_or(0, |method| method.invalid()),
-            report: method.map_or_else(Report::default, |method| method.report()),
+            invalid_samples: self.invalid_samples(),
+            report: found.map_or_else(Report::default, |found| found.report()),
             elapsed: self.elapsed + start.elapsed(),
         }
     }

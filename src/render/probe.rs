@@ -88,7 +88,7 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
     let requirements = Requirements::of(scene);
     let film = Film::bytes(scene.film, &requirements);
     let pixels = scene.film.crop_pixels();
-    let layers = layer_bytes(pixels, &requirements);
+    let layers = Film::layer_bytes(scene.film, &requirements);
     if settings.integrator.is_path() {
         let Patches { per_sample, per_pixel, uncertainty } = patches(scene, settings, length);
         return Cost {
@@ -175,12 +175,7 @@ pub fn middle(scene: &Scene, settings: &RenderSettings, side: u32) -> Layers {
     let crop = [left + (width - size[0]) / 2, top + (height - size[1]) / 2, size[0], size[1]];
     let mut sampled = Sampled::of_crop(scene, settings, crop);
     sampled.pass(2, &|_| {});
-    sampled.layers()
-}
-
-/// Mean, variance and two halves of each number that the film keeps, in single precision.
-fn layer_bytes(pixels: u64, requirements: &Requirements) -> u64 {
-    pixels * 4 * 4 * Film::numbers(requirements) as u64
+    sampled.taken().layers(scene.origin)
 }
 
 /// What patches of the picture take by path tracing, in seconds.
@@ -245,7 +240,7 @@ fn patches(scene: &Scene, settings: &RenderSettings, length: Duration) -> Patche
     }
     let all: u64 = patches.iter().map(|patch| patch.pixels).sum();
     let making = Instant::now();
-    patches.par_iter().for_each(|patch| drop(patch.sampled.layers()));
+    patches.par_iter().for_each(|patch| drop(patch.sampled.taken().layers(scene.origin)));
     let making = making.elapsed().as_secs_f64() * rayon::current_num_threads() as f64;
     let times: Vec<f64> = patches.iter().map(|patch| patch.time.as_secs_f64()).collect();
     Patches {
@@ -266,7 +261,7 @@ fn rounds(scene: &Scene, settings: &RenderSettings, length: Duration) -> Rounds 
     let prepare = |samples: u32| {
         let settings = RenderSettings { budget: Budget::Samples(samples), ..*settings };
         let start = Instant::now();
-        let method = method::start(scene, &settings);
+        let method = method::start(scene, &settings, None);
         (method, start.elapsed().as_secs_f64())
     };
     // What is prepared grows with the samples in some methods.
@@ -286,8 +281,8 @@ fn rounds(scene: &Scene, settings: &RenderSettings, length: Duration) -> Rounds 
         let round = Instant::now();
         // Never the last one, which may end elsewhere than the others.
         method.round(u32::MAX / 2);
-        rounds.push((round.elapsed().as_secs_f64(), (method.done() - done) as f64));
-        done = method.done();
+        rounds.push((round.elapsed().as_secs_f64(), (method.found().done() - done) as f64));
+        done = method.found().done();
         if start.elapsed() > 4 * length {
             break;
         }

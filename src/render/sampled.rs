@@ -1,13 +1,14 @@
 //! Samples that belong to pixels: passes over tiles, and the replay of one sample.
 
-use super::{RenderSettings, SamplerKind};
+use super::{RenderSettings, SamplerKind, Shard};
 use crate::film::{Film, Tile};
 use crate::integrator::{PathSample, PathTracing, Vertex};
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
 use crate::scene::{FilmSettings, Requirements, Scene};
-use glam::Vec2;
+use glam::{DVec3, Vec2};
 use quietlight_denoise::Layers;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
@@ -25,9 +26,39 @@ pub(super) struct Sampled<'a> {
     path_tracing: PathTracing,
     seed: u64,
     sampler: SamplerKind,
+    shard: Shard,
+    taken: Samples,
+}
+
+/// Samples that were taken: numbers 0, 1, 2 ... of each pixel, or every so many of a shard's.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Samples {
     film: Film,
     /// Samples per pixel so far.
     samples: u32,
+}
+
+impl Samples {
+    /// Samples per pixel so far.
+    pub(super) fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// The layers as the samples so far give them; `origin` is what the scene was moved by.
+    pub(super) fn layers(&self, origin: DVec3) -> Layers {
+        self.film.layers(origin)
+    }
+
+    /// Non-finite samples dropped so far.
+    pub(super) fn invalid(&self) -> u64 {
+        self.film.invalid_samples()
+    }
+
+    /// Adds the samples of another shard.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.film.merge(&other.film);
+        self.samples += other.samples;
+    }
 }
 
 impl<'a> Sampled<'a> {
@@ -47,8 +78,8 @@ impl<'a> Sampled<'a> {
             path_tracing: settings.integrator.features(),
             seed: settings.seed,
             sampler: settings.sampler,
-            film,
-            samples: 0,
+            shard: settings.shard,
+            taken: Samples { film, samples: 0 },
         }
     }
 
@@ -60,30 +91,41 @@ impl<'a> Sampled<'a> {
         }
     }
 
+    /// The same with the samples that were taken before.
+    pub(super) fn with(self, taken: Samples) -> Self {
+        Self { taken, ..self }
+    }
+
+    /// What was taken so far.
+    pub(super) fn taken(&self) -> &Samples {
+        &self.taken
+    }
+
     /// Samples per pixel so far.
     pub(super) fn samples(&self) -> u32 {
-        self.samples
+        self.taken.samples
     }
 
     /// Takes the samples that are due after so many mutations per pixel; at least one a half.
     pub(super) fn keep_up(&mut self, mutations: u32) {
-        let due = (mutations / MUTATIONS_PER_DIRECT).max(2);
-        if self.samples < due {
-            self.pass(due - self.samples, &|_| {});
+        let due = self.shard.share((mutations / MUTATIONS_PER_DIRECT).max(2));
+        if self.samples() < due {
+            self.pass(due - self.samples(), &|_| {});
         }
     }
 
     /// Takes so many more samples in each pixel. `progress` is called with the number of samples of the whole picture
     /// so far.
     pub(super) fn pass(&mut self, count: u32, progress: &(dyn Fn(u64) + Sync)) {
-        let Self { scene, path_tracing, seed, sampler, film, samples } = self;
+        let Self { scene, path_tracing, seed, sampler, shard, taken } = self;
+        let Samples { film, samples } = taken;
         let numbers = Numbers { seed: *seed, sampler: *sampler };
         let (tiles, kept) = film.tiles_mut();
         let pixels: usize = tiles.iter().map(Tile::len).sum();
         let done = AtomicU64::new(u64::from(*samples) * pixels as u64);
         tiles.par_iter_mut().for_each(|tile| {
             for (index, pixel) in tile.film_pixels().enumerate() {
-                for sample in *samples..*samples + count {
+                for sample in (*samples..*samples + count).map(|own| shard.number(own)) {
                     let found = sample_pixel(scene, path_tracing, numbers, pixel, sample, |_| {});
                     tile.add(index, (sample & 1) as usize, &found, kept);
                 }
@@ -92,16 +134,6 @@ impl<'a> Sampled<'a> {
             progress(done.fetch_add(added, Ordering::Relaxed) + added);
         });
         *samples += count;
-    }
-
-    /// The layers as the samples so far give them.
-    pub(super) fn layers(&self) -> Layers {
-        self.film.layers(self.scene.origin)
-    }
-
-    /// Non-finite samples dropped so far.
-    pub(super) fn invalid_samples(&self) -> u64 {
-        self.film.invalid_samples()
     }
 }
 

@@ -50,7 +50,8 @@ impl Survey {
         let lights = || walks.iter().filter_map(|walk| walk.luminance);
         let valid = lights().count();
         let mut cells = vec![(0.0, 0u32); (CELLS * CELLS) as usize];
-        for (cell, luminance) in walks.iter().filter_map(|walk| Some((walk.cell, walk.luminance?))) {
+        for (cell, luminance) in walks.iter().filter_map(|walk| Some((walk.cell, walk.luminance?)))
+        {
             cells[cell].0 += luminance;
             cells[cell].1 += 1;
         }

@@ -38,12 +38,15 @@ mod tests {
     use quietlight_denoise::{Image, Layer, LayerKind, Layers};
     use std::time::Duration;
 
-    /// Whole numbers and ±10³⁰: what is left of them tells the order in which they were added up.
+    /// Numbers of three sizes too far apart for any sum, of which the two larger ones cancel: what is left of the smallest
+    /// tells the order in which they were added up.
     fn splat(unit: usize) -> Splat {
-        let value = match unit % 3 {
-            0 => 1e30,
-            1 => (unit * unit) as f32,
-            _ => -1e30,
+        let value = match unit % 5 {
+            0 => 1e38,
+            1 => 3e19,
+            2 => (1000 * unit * unit) as f32,
+            3 => -3e19,
+            _ => -1e38,
         };
         Splat { raster: Vec2::new(0.5, 0.5), diffuse: Rgb::splat(value), specular: Rgb::BLACK }
     }
@@ -59,7 +62,7 @@ mod tests {
     #[test]
     fn splats_come_to_the_film_in_the_order_of_units_whoever_is_first() {
         let settings = FilmSettings { width: 1, height: 1, crop: [0, 0, 1, 1] };
-        // 1e30 and the numbers after it are lost in each other until −1e30 comes: only the last one stays.
+        // What a small number loses next to a larger one depends on which came before.
         let mut serial = SplatFilm::new(settings);
         (0..50).for_each(|unit| serial.add(unit & 1, &splat(unit)));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(8).build().unwrap();

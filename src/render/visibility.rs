@@ -1,20 +1,28 @@
 //! Rounds of correlated visibility sampling.
 
 use super::RenderSettings;
-use super::method::{Method, Report};
-use crate::film::{Radiance, Scale, SplatFilm};
+use super::method::{Found, Method, Report};
+use crate::film::SplatFilm;
 use crate::integrator::CorrelatedVisibility;
-use crate::integrator::correlated_visibility::VisibilityRendering;
-use crate::scene::Scene;
-use quietlight_denoise::Layers;
+use crate::integrator::correlated_visibility::{HalfFound, Ledger, Shard, VisibilityRendering};
+use crate::scene::{FilmSettings, Scene};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// A render by correlated visibility sampling under way: two halves, each with marks of its own, that take turns.
 #[derive(Debug)]
 pub(super) struct Visibility<'a> {
-    scene: &'a Scene,
+    film: FilmSettings,
     halves: [VisibilityRendering<'a>; 2],
     /// Camera rays that exchange energy at a time.
     hits: u32,
+}
+
+/// What the two halves found.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Halves<'h> {
+    film: FilmSettings,
+    halves: [Cow<'h, HalfFound>; 2],
 }
 
 impl<'a> Visibility<'a> {
@@ -22,9 +30,18 @@ impl<'a> Visibility<'a> {
         scene: &'a Scene,
         method: CorrelatedVisibility,
         settings: &RenderSettings,
+        found: Option<Halves<'static>>,
     ) -> Self {
-        let half = |half| VisibilityRendering::new(scene, method, settings.seed, half);
-        Self { scene, halves: [half(0), half(1)], hits: method.hits.max(1) }
+        let shard = Shard { index: settings.shard.index(), count: settings.shard.count() };
+        let half =
+            |half| VisibilityRendering::new(scene, method, settings.seed, half).of_shard(shard);
+        let halves = match found {
+            Some(Halves { halves: [a, b], .. }) => {
+                [half(0).with(a.into_owned()), half(1).with(b.into_owned())]
+            }
+            None => [half(0), half(1)],
+        };
+        Self { film: scene.film, halves, hits: method.hits.max(1) }
     }
 }
 
@@ -36,39 +53,57 @@ impl Method for Visibility<'_> {
         }
     }
 
-    fn samples(&self) -> u32 {
-        self.halves.iter().map(VisibilityRendering::hits).sum()
+    fn is_complete(&self, most: u32) -> bool {
+        self.halves.iter().map(VisibilityRendering::hits).sum::<u32>() >= most
     }
 
-    fn done(&self) -> u64 {
-        u64::from(self.samples()) * self.scene.film.crop_pixels()
+    fn found(&self) -> Found<'_> {
+        let halves = self.halves.each_ref().map(|half| Cow::Borrowed(half.found()));
+        Found::Visibility(Halves { film: self.film, halves })
+    }
+}
+
+impl Halves<'_> {
+    pub(super) fn samples(&self) -> u32 {
+        self.halves.iter().map(|half| half.hits()).sum()
     }
 
-    fn put_radiance(&self, layers: &mut Layers) {
-        let mut film = SplatFilm::new(self.scene.film);
+    pub(super) fn done(&self) -> u64 {
+        u64::from(self.samples()) * self.film.crop_pixels()
+    }
+
+    pub(super) fn film(&self) -> SplatFilm {
+        let mut film = SplatFilm::new(self.film);
         for (index, half) in self.halves.iter().enumerate() {
             film.add_sums(index, half.sums().iter().map(|sums| [sums.diffuse, sums.specular]));
         }
-        film.put_into(layers, &Scale::of_samples(self.samples()), Radiance::Replaced);
+        film
     }
 
-    fn invalid(&self) -> u64 {
+    pub(super) fn invalid(&self) -> u64 {
         self.halves.iter().map(|half| half.ledger().invalid).sum()
     }
 
-    fn report(&self) -> Report {
-        let sum = |number: fn(&VisibilityRendering<'_>) -> u64| {
-            self.halves.iter().map(number).sum::<u64>().to_string()
+    /// Adds what other rounds of the same picture found.
+    pub(super) fn merge(&mut self, other: &Self) {
+        for (half, more) in self.halves.iter_mut().zip(&other.halves) {
+            half.to_mut().merge(more);
+        }
+    }
+
+    pub(super) fn report(&self) -> Report {
+        let sum = |number: fn(&Ledger) -> u64| {
+            self.halves.iter().map(|half| number(half.ledger())).sum::<u64>().to_string()
         };
         let marked: usize =
             self.halves.iter().filter_map(|half| half.marks()).map(|marks| marks.len()).sum();
-        let pixels = 2 * self.scene.film.crop_pixels();
+        let pixels = 2 * self.film.crop_pixels();
         let facts = [
             ("marked", format!("{:.4}", marked as f64 / pixels.max(1) as f64)),
-            ("pilot_rays", sum(|half| half.ledger().pilot_rays)),
-            ("shadow_rays", sum(|half| half.ledger().shadow_rays)),
-            ("exchange_mutations", sum(|half| half.ledger().mutations)),
-            ("exchange_chains", sum(|half| half.ledger().chains)),
+            ("pilot_rays", sum(|ledger| ledger.pilot_rays)),
+            ("shadow_rays", sum(|ledger| ledger.shadow_rays)),
+            ("exchange_mutations", sum(|ledger| ledger.mutations)),
+            ("exchange_chains", sum(|ledger| ledger.chains)),
         ];
         let facts = facts.map(|(name, value)| (name.to_owned(), value)).into();
         Report { facts, warnings: Vec::new() }

@@ -81,7 +81,8 @@ impl Inventory {
         inventory.images = images.iter().map(|image| ImageFacts::of(image)).collect();
         inventory.images.sort_unstable_by(|a, b| b.cmp(a));
         inventory.environment_map = scene.emitters.map_size();
-        let corners = |(low, high): (Vec3, Vec3)| [low, high].map(|at| at.as_dvec3() + scene.origin);
+        let corners =
+            |(low, high): (Vec3, Vec3)| [low, high].map(|at| at.as_dvec3() + scene.origin);
         inventory.bounds = scene.geometry.bounds().map(corners);
         let parts = scene.geometry.parts();
         inventory.smallest_part =

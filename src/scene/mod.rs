@@ -4,6 +4,7 @@ mod build;
 pub mod camera;
 mod change;
 mod error;
+mod identity;
 mod inventory;
 pub mod material;
 pub mod mesh_file;
@@ -18,13 +19,14 @@ mod xml;
 pub use camera::{Camera, CameraError, FovAxis, LensHit, LensView, Perspective};
 pub use change::Changes;
 pub use error::{Location, SceneError};
-pub use material::{Material, MaterialId};
 pub use inventory::{ImageFacts, Inventory};
+pub use material::{Material, MaterialId};
 pub use requirements::Requirements;
 
 use crate::emitter::{EmitterId, Emitters};
 use crate::geometry::Geometry;
 use glam::Vec2;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// What may be changed about a scene while it is loaded.
@@ -46,7 +48,7 @@ pub struct Surface {
 }
 
 /// The picture's size, and the part of it to render.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FilmSettings {
     /// Pixels across the whole film.
     pub width: u32,
@@ -173,7 +175,7 @@ fn describe(path: &Path, options: &LoadOptions) -> Result<build::Description, Sc
 }
 
 /// The scene file that a path means: itself, or what is in the folder: `scene.xml`, else the only `.obj`.
-fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
+pub(crate) fn find_scene(path: &Path) -> Result<PathBuf, SceneError> {
     let refuse = |problem: &str| SceneError::NoScene {
         path: path.to_path_buf(),
         problem: problem.to_owned(),

@@ -4,6 +4,8 @@ use crate::math::Rgb;
 use exr::image::{AnyChannel, FlatSamples};
 use quietlight_denoise::exr::decode;
 use quietlight_denoise::picture::check_promise;
+use quietlight_denoise::sha256::sha256;
+use std::fmt;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -48,7 +50,7 @@ pub enum Texels {
 }
 
 /// A decoded image. Alpha is dropped, as Mitsuba 3 does.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Image {
     /// Texels across; at least 1.
     pub width: u32,
@@ -59,6 +61,30 @@ pub struct Image {
     decoding: &'static Decoding,
     /// How many texels were not finite and were set to 0.
     pub broken: usize,
+}
+
+/// Size and a checksum of the texels, instead of millions of numbers.
+impl fmt::Debug for Image {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (kind, bytes) = match &self.texels {
+            Texels::Gray8(values) => ("gray, 8 bits", values.clone()),
+            Texels::Rgb8(values) => ("RGB, 8 bits", values.as_flattened().to_vec()),
+            Texels::Gray(values) => {
+                ("gray", values.iter().flat_map(|value| value.to_le_bytes()).collect())
+            }
+            Texels::Rgb(values) => {
+                let numbers = values.iter().flat_map(|value| value.to_array());
+                ("RGB", numbers.flat_map(f32::to_le_bytes).collect())
+            }
+        };
+        out.debug_struct("Image")
+            .field("width", &self.width)
+            .field("height", &self.height)
+            .field("kind", &kind)
+            .field("is_linear", &(self.decoding == &*LINEAR))
+            .field("sha256", &sha256(&bytes))
+            .finish_non_exhaustive()
+    }
 }
 
 impl Image {

@@ -106,7 +106,8 @@ impl Kind {
                     let mean = image.mean();
                     assert!(mean.is_finite() || !image.is_gray(), "the mean is {mean:?}");
                     let size = [image.width as usize, image.height as usize];
-                    let map = EnvironmentMap::new(size, image.into_linear(), 1.0, glam::DMat3::IDENTITY);
+                    let map =
+                        EnvironmentMap::new(size, image.into_linear(), 1.0, glam::DMat3::IDENTITY);
                     map.expect("an image is an environment");
                 }
                 let _ = picture::read_picture(&path);

@@ -53,7 +53,7 @@ fn estimates(replicas: u32) -> [Mean; 2] {
         let (seeds, other) = (pool(&mut numbers, 5), pool(&mut numbers, 5));
         let u = numbers.next_f64();
         let mut inside = 0.0;
-        for &seed in seeds.seeds(2, u) {
+        for &seed in (0..2).filter_map(|k| seeds.seed(k, u)) {
             let mut chain = Chain::new(seed, 1);
             let mut record = |x: &f64, weight: f64| {
                 if peak(*x) > 1.0 {

@@ -39,6 +39,11 @@ impl Mean {
         self.variance() / self.count.max(1) as f64
     }
 
+    /// The same of the numbers times a factor.
+    pub(crate) fn times(&self, factor: f64) -> Self {
+        Self { mean: self.mean * factor, squares: self.squares * factor * factor, ..*self }
+    }
+
     /// Two-sided p-value of the hypothesis that the expectation is `value` (Student's t).
     pub(crate) fn p_against(&self, value: f64) -> f64 {
         p_of(self.mean - value, self.variance_of_mean(), (self.count.max(2) - 1) as f64)

@@ -26,8 +26,9 @@ pub use parameters::{Lambda, Parameters};
 use rayon::prelude::*;
 
 use crate::error::Error;
+use crate::exposure::binary_exposure;
 use crate::layers::{Image, Layer, LayerKind, Layers};
-use crate::sanitize::{Sanitised, sanitise};
+use crate::sanitize::{LARGEST_VARIANCE, Sanitised, sanitise};
 use crate::simd::vectorise;
 use crate::variance;
 
@@ -184,12 +185,16 @@ impl Prepared {
             report.variance_spikes =
                 spikes::remove_spikes(&mut variance, VARIANCE_SPIKE_RADIUS, threshold);
         }
-        let stack = stack::Stack::new(&self.colour, &variance, &self.features);
+        // Exposed, so that the ε of the colour distance is as small against dark pictures as against bright ones.
+        let exposure = binary_exposure(&self.colour);
+        variance.mapv_inplace(|value| (value * exposure * exposure).min(LARGEST_VARIANCE));
+        let stack = stack::Stack::new(&(&self.colour * exposure), &variance, &self.features);
         let rows_done = AtomicUsize::new(0);
         let mut image = stack.filter(&settings, &|| {
             let rows = rows_done.fetch_add(1, Ordering::Relaxed) + 1;
             progress(rows as f32 / height as f32);
         });
+        image /= exposure;
         if let Some(threshold) = parameters.result_spikes {
             report.result_spikes = spikes::remove_spikes(&mut image, 1, threshold);
         }

@@ -4,8 +4,9 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use super::network::Branch;
-use super::transform::{demodulation, exposure, remodulation};
+use super::transform::{demodulation, remodulation};
 use crate::error::Error;
+use crate::exposure::exposure;
 use crate::layers::{Image, Layer, LayerKind, Layers};
 use crate::sanitize::{Sanitised, is_sane, sanitise};
 use crate::variance;

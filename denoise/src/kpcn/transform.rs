@@ -3,35 +3,11 @@
 //! The picture is split in two branches: the diffuse radiance with the albedo divided out, which leaves irradiance nearly
 //! free of texture, and the rest. The *same noisy albedo* is divided out before and multiplied back after.
 
-use crate::LUMINANCE;
-use crate::layers::Image;
-use crate::sanitize::LARGEST_VALUE;
-
 /// Added to the albedo, so that black surfaces do not divide by zero. (The paper's constant.)
 pub const EPSILON: f32 = 0.00316;
 
 /// Largest value of a filtered log-specular signal: exp(20) is 4.9e8, and only broken logits say more.
 const LARGEST_LOG: f32 = 20.0;
-
-/// The factor `e = 1/m` that brings a picture near 1, `m = (mean over pixels of √max(0, luminance))²`; 1 for a black one.
-/// The square root keeps fireflies from deciding. At most [`LARGEST_VALUE`], so that products stay finite.
-pub(super) fn exposure(beauty: &Image) -> f32 {
-    let (_, height, width) = beauty.dim();
-    let planes = LUMINANCE.into_iter().zip(beauty.outer_iter());
-    let mut luminance = vec![0.0_f64; height * width];
-    for (weight, plane) in planes {
-        for (sum, value) in luminance.iter_mut().zip(plane) {
-            *sum += f64::from(weight) * f64::from(*value);
-        }
-    }
-    let roots: f64 = luminance.iter().map(|value| value.max(0.0).sqrt()).sum();
-    let mean = (roots / luminance.len() as f64).powi(2);
-    if mean > 0.0 && mean.is_finite() {
-        mean.recip().min(f64::from(LARGEST_VALUE)) as f32
-    } else {
-        1.0
-    }
-}
 
 /// What diffuse radiance is multiplied by to become a signal, of an albedo `a` and an exposure `e`: `e / (a + ε)`.
 ///
@@ -81,17 +57,5 @@ mod tests {
         }
         assert_eq!(logarithm(-3.0), 0.0);
         assert!(exponential(1e30).is_finite());
-    }
-
-    #[test]
-    fn the_exposure_is_that_of_the_mean_root() {
-        // Grey pixels of luminance 1, 4, 9 and 0: the mean root is 1.5.
-        let grey = [1.0, 4.0, 9.0, -5.0];
-        let image = Image::from_shape_fn((3, 2, 2), |(_, y, x)| grey[2 * y + x]);
-        assert!((exposure(&image) - 1.0 / 2.25).abs() < 1e-6);
-        assert_eq!(exposure(&Image::zeros((3, 2, 2))), 1.0);
-        assert_eq!(exposure(&Image::from_elem((3, 1, 1), -1.0)), 1.0);
-        assert_eq!(exposure(&Image::from_elem((3, 1, 1), 1e-30)), LARGEST_VALUE);
-        assert!(exposure(&Image::from_elem((3, 1, 1), 1e30)) > 0.0);
     }
 }

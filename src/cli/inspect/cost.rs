@@ -101,7 +101,9 @@ impl Costs {
     pub(super) fn print(&self) {
         let Self { samples, threads, render, .. } = self;
         let denoised = match self.denoising {
-            Some((_, name)) => format!("{} denoising by {name}, ", seconds(self.denoising_seconds())),
+            Some((_, name)) => {
+                format!("{} denoising by {name}, ", seconds(self.denoising_seconds()))
+            }
             None => String::new(),
         };
         say(
@@ -129,7 +131,8 @@ fn writing(scene: &Scene, settings: &RenderSettings) -> Result<f64, Failure> {
     let path = folder.path().join("probe.exr");
     exr::write(&path, &layers, &WriteOptions::default()).context("cannot write a trial")?;
     if let Some(beauty) = layers.layers.get(&LayerKind::Beauty) {
-        png::write(&path.with_extension("png"), &beauty.mean, 0.0).context("cannot write a trial")?;
+        png::write(&path.with_extension("png"), &beauty.mean, 0.0)
+            .context("cannot write a trial")?;
     }
     Ok(start.elapsed().as_secs_f64() / (layers.width * layers.height) as f64)
 }

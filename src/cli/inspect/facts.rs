@@ -37,7 +37,9 @@ impl Facts {
         let images: Vec<Value> = inventory
             .images
             .iter()
-            .map(|image| json!({"width": image.width, "height": image.height, "bytes": image.bytes}))
+            .map(
+                |image| json!({"width": image.width, "height": image.height, "bytes": image.bytes}),
+            )
             .collect();
         json!({
             "width": scene.film.crop[2],
@@ -155,12 +157,14 @@ impl Facts {
     fn images(&self) -> String {
         const SHOWN: usize = 4;
         let images = &self.inventory.images;
-        let environment = self.inventory.environment_map.map(|[width, height]| {
-            format!("{width}x{height} around the scene")
-        });
-        let largest = images.iter().take(SHOWN).map(|image| {
-            format!("{}x{} ({})", image.width, image.height, megabytes(image.bytes))
-        });
+        let environment = self
+            .inventory
+            .environment_map
+            .map(|[width, height]| format!("{width}x{height} around the scene"));
+        let largest = images
+            .iter()
+            .take(SHOWN)
+            .map(|image| format!("{}x{} ({})", image.width, image.height, megabytes(image.bytes)));
         let mut shown: Vec<String> = environment.into_iter().chain(largest).collect();
         if images.len() > SHOWN {
             let rest = images[SHOWN..].iter().map(|image| image.bytes).sum();
@@ -176,7 +180,8 @@ fn triangles(scene: &Scene) -> usize {
 
 /// Names and counts, the most frequent first.
 fn listed(counts: &BTreeMap<&'static str, usize>) -> String {
-    let mut counts: Vec<(usize, &str)> = counts.iter().map(|(name, count)| (*count, *name)).collect();
+    let mut counts: Vec<(usize, &str)> =
+        counts.iter().map(|(name, count)| (*count, *name)).collect();
     counts.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(b.1)));
     let names: Vec<String> = counts.iter().map(|(count, name)| format!("{count} {name}")).collect();
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
@@ -186,7 +191,8 @@ fn listed(counts: &BTreeMap<&'static str, usize>) -> String {
 fn number(value: f64) -> String {
     match value.abs() {
         size if size == 0.0 || (1e-2..1e5).contains(&size) => {
-            let digits = if size >= 100.0 { 0 } else { 2 - size.max(0.1).log10().floor() as usize % 3 };
+            let digits =
+                if size >= 100.0 { 0 } else { 2 - size.max(0.1).log10().floor() as usize % 3 };
             format!("{value:.digits$}")
         }
         _ => format!("{value:.2e}"),
@@ -225,7 +231,9 @@ fn light_sampling(inventory: &Inventory) -> &'static str {
     match inventory.emitters.values().sum::<usize>() {
         0 => "none: there is no emitter",
         1 => "the one emitter, and what scattering finds, weighted against each other",
-        _ => "one emitter a hit, chosen by power, and what scattering finds, weighted against each other",
+        _ => {
+            "one emitter a hit, chosen by power, and what scattering finds, weighted against each other"
+        }
     }
 }
 

@@ -6,8 +6,10 @@ use crate::math::distribution::Grid;
 use crate::math::rigid::rotation_and_scale;
 use crate::math::{Rgb, warp};
 use glam::{DMat3, Mat3, Vec2, Vec3, Vec4};
+use quietlight_denoise::sha256::sha256;
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI;
+use std::fmt;
 use thiserror::Error;
 
 /// Why an environment map cannot be made.
@@ -42,7 +44,7 @@ pub enum EnvironmentError {
 /// four times the solid angle, so it is positive wherever the interpolated radiance is. Within the cell the density is
 /// bilinear too, but over equal solid angles instead of equal polar angles, and therefore needs no division by a sine
 /// that is 0 at the poles.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct EnvironmentMap {
     width: usize,
     height: usize,
@@ -57,6 +59,20 @@ pub struct EnvironmentMap {
     /// Radiance integrated over all directions, mean of the three colours, W/m².
     pub(super) fluence: f64,
     invalid_texels: usize,
+}
+
+/// Size, orientation and a checksum of the texels, instead of millions of numbers.
+impl fmt::Debug for EnvironmentMap {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let numbers = self.texels.iter().flat_map(|texel| texel.to_array());
+        let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
+        out.debug_struct("EnvironmentMap")
+            .field("width", &self.width)
+            .field("height", &self.height)
+            .field("to_world", &self.to_world)
+            .field("sha256", &sha256(&bytes))
+            .finish_non_exhaustive()
+    }
 }
 
 /// A row of cells.

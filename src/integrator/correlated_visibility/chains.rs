@@ -27,7 +27,7 @@ impl<'a> VisibilityRendering<'a> {
         // A constant share of every sample's energy stays, as if its own shadow ray were one of the mutations.
         let rays = self.settings.shadow_rays.max(1);
         let moving = f64::from(self.settings.mutations) / f64::from(self.settings.mutations + rays);
-        self.ledger.found += moving * found;
+        self.found.ledger.found += moving * found;
         if found <= 0.0 {
             return;
         }
@@ -37,10 +37,10 @@ impl<'a> VisibilityRendering<'a> {
         let batches = chains_of(seeds, moving, chain_energy, most, f64::from(u));
         for batch in &batches {
             let chains = u64::from(batch.chains);
-            self.ledger.chains += chains;
-            self.ledger.mutations += chains * u64::from(steps);
-            self.ledger.limited += u64::from(batch.energy > chain_energy);
-            self.ledger.given += f64::from(batch.chains) * batch.energy;
+            self.found.ledger.chains += chains;
+            self.found.ledger.mutations += chains * u64::from(steps);
+            self.found.ledger.limited += u64::from(batch.energy > chain_energy);
+            self.found.ledger.given += f64::from(batch.chains) * batch.energy;
         }
         let pixels: Vec<u32> = marks.pixels().map(|pixel| pixel as u32).collect();
         let exchange = Exchange {
@@ -52,9 +52,14 @@ impl<'a> VisibilityRendering<'a> {
             hits,
             window: self.settings.window.max(1),
         };
-        let (mut sums, mut deposited) = (std::mem::take(&mut self.sums), 0.0);
+        let (mut sums, mut deposited) = (std::mem::take(&mut self.found.sums), 0.0);
+        let mut invalid = 0;
         let mut leave = |deposit: &Deposit| {
             let Deposit { slot, energy, diffuse, specular } = *deposit;
+            if !((diffuse + specular).is_finite() && energy.is_finite()) {
+                invalid += 1;
+                return;
+            }
             sums[pixels[slot as usize] as usize].add(diffuse, specular, energy);
         };
         for seed in seeds {
@@ -83,8 +88,9 @@ impl<'a> VisibilityRendering<'a> {
                 leave(deposit);
             }
         }
-        self.sums = sums;
-        self.ledger.deposited += deposited;
+        self.found.sums = sums;
+        self.found.ledger.deposited += deposited;
+        self.found.ledger.invalid += invalid;
     }
 }
 

@@ -96,6 +96,11 @@ impl Seed {
 /// The lights found in one direction by two ways must be as near to each other as this, relative to their distance.
 const SAME_LIGHT: f32 = 1e-3;
 
+/// A colour over its luminance, which may be so small that its reciprocal is no f32: light of 1e-8 in the tail of a lobe.
+fn over(colour: Rgb, luminance: f64) -> Rgb {
+    colour.map(|value| (f64::from(value) / luminance) as f32)
+}
+
 impl<'e, 'a> Exchange<'e, 'a> {
     /// Runs a chain of `steps` from `seed` that leaves `energy` at each of them. Each step's energy is split between the state
     /// and the proposal by the probability of accepting it.
@@ -134,12 +139,11 @@ impl<'e, 'a> Exchange<'e, 'a> {
 
     /// Energy left where a seed is.
     pub(super) fn stay(&self, seed: &Seed, energy: f64) -> Deposit {
-        let scale = (1.0 / seed.energy) as f32;
         Deposit {
             slot: seed.receiver / self.hits,
             energy,
-            diffuse: seed.diffuse * scale,
-            specular: seed.specular * scale,
+            diffuse: over(seed.diffuse, seed.energy),
+            specular: over(seed.specular, seed.energy),
         }
     }
 
@@ -168,7 +172,7 @@ impl<'e, 'a> Exchange<'e, 'a> {
         }
         let radiance = self.lights.radiance(&light, direction);
         let (diffuse, specular) = (scattering.diffuse * radiance, scattering.specular * radiance);
-        let luminance = (diffuse + specular).luminance();
+        let luminance = f64::from((diffuse + specular).luminance());
         // NaN is no light, either.
         if !(luminance > 0.0 && luminance.is_finite()) {
             return None;
@@ -179,9 +183,9 @@ impl<'e, 'a> Exchange<'e, 'a> {
             light,
             direction,
             distance,
-            diffuse: diffuse / luminance,
-            specular: specular / luminance,
-            target: f64::from(luminance) * f64::from(visibility),
+            diffuse: over(diffuse, luminance),
+            specular: over(specular, luminance),
+            target: luminance * f64::from(visibility),
             surface_pdf: scattering.pdf,
         })
     }

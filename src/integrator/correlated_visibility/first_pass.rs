@@ -24,7 +24,7 @@ impl<'a> VisibilityRendering<'a> {
                 this.film_pixels(row).map(move |pixel| this.look(pixel, &mut resampler))
             })
             .collect();
-        self.ledger.pilot_rays += seen.iter().map(|look| look.rays).sum::<u64>();
+        self.found.ledger.pilot_rays += seen.iter().map(|look| look.rays).sum::<u64>();
         Marks::new([columns, rows], self.settings.dilation, |pixel| seen[pixel].seen.is_partial())
     }
 
@@ -80,7 +80,7 @@ impl<'a> VisibilityRendering<'a> {
             let slot = kept.slot(row as usize * columns + column);
             let (mut other, mut direct) = (PixelSums::default(), PixelSums::default());
             for hit in 0..hits {
-                let ray = self.hits + hit;
+                let ray = self.found.hits + hit;
                 let mut numbers = self.sampler(Stream::Gather, pixel, ray);
                 let mut received = None;
                 let (diffuse, specular) =

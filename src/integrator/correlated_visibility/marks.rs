@@ -1,7 +1,9 @@
 //! Which pixels exchange energy: those that saw light partly occluded, and their neighbours.
 
+use serde::{Deserialize, Serialize};
+
 /// A set of pixels of a picture, row by row.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Marks {
     width: u32,
     height: u32,
@@ -13,7 +15,7 @@ pub struct Marks {
 const NOT_MARKED: u32 = u32::MAX;
 
 /// How much of the light that was looked for at a pixel was seen.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seen {
     /// Shadow rays that arrived; behind a mask by their transmittance.
     pub visible: f64,

@@ -1,15 +1,16 @@
 //! What is added up.
 
 use super::marks::Seen;
-use crate::math::Rgb;
+use crate::math::{Rgb, Sum};
+use serde::{Deserialize, Serialize};
 
 /// Sums over the camera rays of one pixel.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PixelSums {
     /// Radiance scattered by a diffuse lobe at the first hit.
-    pub diffuse: [f64; 3],
+    pub diffuse: [Sum; 3],
     /// All other radiance.
-    pub specular: [f64; 3],
+    pub specular: [Sum; 3],
     /// Luminance that the resampled emitters would send if nothing were in the way.
     pub unshadowed: f64,
     /// Shadow rays of the first pass.
@@ -24,7 +25,8 @@ impl PixelSums {
         }
     }
 
-    pub(super) fn merge(&mut self, other: &Self) {
+    /// Adds the sums over other camera rays.
+    pub fn merge(&mut self, other: &Self) {
         for channel in 0..3 {
             self.diffuse[channel] += other.diffuse[channel];
             self.specular[channel] += other.specular[channel];
@@ -36,7 +38,7 @@ impl PixelSums {
 }
 
 /// What the two passes did. Energies are luminances summed over marked pixels and camera rays.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
     /// Shadow rays of the pilot.
     pub pilot_rays: u64,
@@ -56,4 +58,19 @@ pub struct Ledger {
     pub deposited: f64,
     /// Non-finite samples and candidates, dropped.
     pub invalid: u64,
+}
+
+impl Ledger {
+    /// Adds what other rounds of the same half did; the pilot was the same.
+    pub fn merge(&mut self, other: &Self) {
+        self.pilot_rays = self.pilot_rays.max(other.pilot_rays);
+        self.shadow_rays += other.shadow_rays;
+        self.mutations += other.mutations;
+        self.chains += other.chains;
+        self.limited += other.limited;
+        self.found += other.found;
+        self.given += other.given;
+        self.deposited += other.deposited;
+        self.invalid += other.invalid;
+    }
 }

@@ -1,0 +1,85 @@
+//! The trade of speed for accuracy, measured: integrators × sample counts × denoisers, each replicated over seeds, against a
+//! converged reference; scores, a Pareto front, and what to choose.
+//!
+//! A measurement is a folder. Its `plan.json` holds the [`Settings`]; each [`unit`] of work, a half of a reference or one seed
+//! of one integrator, has a folder of its own with pictures, and a record that the times stand in. A unit is there whole or
+//! not at all, any machine can make any of them, and folders put together ([`merge`]) are what one process makes. What is
+//! told of them ([`scores`], [`page`]) comes from the folder alone.
+
+pub mod curve;
+mod job;
+pub mod merge;
+pub mod page;
+mod pictures;
+pub mod scores;
+pub mod settings;
+pub mod statistics;
+mod table;
+pub mod unit;
+mod verdict;
+
+pub use job::{Job, Outcome, Plan};
+pub use scores::Scores;
+pub use settings::{Filter, Method, ReferenceBudget, Request, Settings};
+pub use verdict::{Choice, Standing, Verdict};
+
+use std::path::{Path, PathBuf};
+
+/// Name of the file of scores, one row for each integrator, denoiser and sample count of a scene.
+pub const CSV: &str = "scores.csv";
+/// Name of the file of all that was found.
+pub const JSON: &str = "scores.json";
+/// Name of the page.
+pub const PAGE: &str = "tradeoff.html";
+
+/// Why a measurement cannot be made, merged or told of.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused a file or folder.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file of a measurement is not what it must be.
+    #[error("{path}: found {found}, expected {expected}")]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
+    /// A folder holds a measurement of other settings.
+    #[error(
+        "{path}: was made with other settings: {differences}; use the same settings or another folder"
+    )]
+    Settings {
+        /// The plan.
+        path: PathBuf,
+        /// Each setting that differs, with both values.
+        differences: String,
+    },
+    /// Nothing of what was asked for can be measured.
+    #[error("nothing can be measured: {0}")]
+    Nothing(String),
+    /// A scene cannot be loaded.
+    #[error(transparent)]
+    Scene(#[from] crate::scene::SceneError),
+    /// An image cannot be read, written or denoised.
+    #[error(transparent)]
+    Image(#[from] quietlight_denoise::Error),
+    /// Threads cannot be started.
+    #[error("cannot start threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+/// Says which file an operation of the system was about.
+fn at(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
+    let path = path.to_path_buf();
+    move |source| Error::Io { path, source }
+}

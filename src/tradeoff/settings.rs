@@ -1,0 +1,393 @@
+//! What is measured: the settings of a measurement, and the file that holds them.
+
+use super::{Error, at};
+use crate::integrator::{Bdpt, CorrelatedVisibility, Erpt, Integrator, Mlt, PathTracing, Pssmlt};
+use crate::scene::{LoadOptions, Scene, find_scene};
+use quietlight_denoise::kpcn::Quality;
+use quietlight_denoise::sha256::sha256;
+use quietlight_denoise::{Denoiser, atomic};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Duration;
+
+/// A way to find light, with the settings that it has by default.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Path tracing.
+    Path,
+    /// Bidirectional path tracing.
+    Bdpt,
+    /// Metropolis sampling in primary sample space.
+    Pssmlt,
+    /// Metropolis light transport.
+    Mlt,
+    /// Energy redistribution path tracing.
+    Erpt,
+    /// Correlated visibility sampling.
+    Visibility,
+}
+
+/// What is done with the noise of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Filter {
+    /// It is left in.
+    None,
+    /// Cross-bilateral filter with learned parameters.
+    Bilateral,
+    /// The smallest networks.
+    KpcnFast,
+    /// The networks that run by default.
+    KpcnBalanced,
+    /// The largest networks.
+    KpcnHigh,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Path, Self::Bdpt, Self::Pssmlt, Self::Mlt, Self::Erpt, Self::Visibility];
+
+    /// Its name on the command line and in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Path => "path",
+            Self::Bdpt => "bdpt",
+            Self::Pssmlt => "pssmlt",
+            Self::Mlt => "mlt",
+            Self::Erpt => "erpt",
+            Self::Visibility => "visibility",
+        }
+    }
+
+    /// The integrator, as it is by default.
+    pub fn integrator(self) -> Integrator {
+        match self {
+            Self::Path => PathTracing::default().into(),
+            Self::Bdpt => Integrator::Bdpt(Bdpt::default()),
+            Self::Pssmlt => Integrator::Pssmlt(Pssmlt::default()),
+            Self::Mlt => Integrator::Mlt(Mlt::default()),
+            Self::Erpt => Integrator::Erpt(Erpt::default()),
+            Self::Visibility => Integrator::Visibility(CorrelatedVisibility::default()),
+        }
+    }
+}
+
+impl Filter {
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::None, Self::Bilateral, Self::KpcnFast, Self::KpcnBalanced, Self::KpcnHigh];
+
+    /// Its name on the command line and in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Bilateral => "bilateral",
+            Self::KpcnFast => "kpcn-fast",
+            Self::KpcnBalanced => "kpcn-balanced",
+            Self::KpcnHigh => "kpcn-high",
+        }
+    }
+
+    /// The denoiser; `None` where the noise is left in.
+    ///
+    /// # Errors
+    /// Where it cannot run on this machine or with this program.
+    pub fn denoiser(self) -> Result<Option<Denoiser>, quietlight_denoise::Error> {
+        let quality = match self {
+            Self::None => return Ok(None),
+            Self::Bilateral => return Ok(Some(Denoiser::bilateral())),
+            Self::KpcnFast => Quality::Fast,
+            Self::KpcnBalanced => Quality::Balanced,
+            Self::KpcnHigh => Quality::High,
+        };
+        Denoiser::embedded(quality).map(Some)
+    }
+}
+
+impl FromStr for Method {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        named(&Self::ALL, Self::name, text)
+    }
+}
+
+impl FromStr for Filter {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        named(&Self::ALL, Self::name, text)
+    }
+}
+
+fn named<T: Copy>(all: &[T], name: fn(T) -> &'static str, text: &str) -> Result<T, String> {
+    let names = || all.iter().map(|&one| name(one)).collect::<Vec<_>>().join(", ");
+    let found = all.iter().copied().find(|&one| name(one) == text);
+    found.ok_or_else(|| format!("expected one of {}", names()))
+}
+
+/// How long each of the two halves of a reference is rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ReferenceBudget {
+    /// Samples per pixel.
+    Samples(u32),
+    /// Seconds of wall time: not the same bits on another machine.
+    Seconds(f64),
+}
+
+/// One scene of a measurement.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SceneSettings {
+    /// Short name: that of its folder or file.
+    pub name: String,
+    /// Where it was loaded from.
+    pub path: PathBuf,
+    /// SHA-256 of the scene file; the meshes and textures that it names do not count.
+    pub sha256: String,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+}
+
+/// What decides the pictures of a measurement.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// The scenes.
+    pub scenes: Vec<SceneSettings>,
+    /// The integrators.
+    pub integrators: Vec<Method>,
+    /// The denoisers, also those that could not run.
+    pub denoisers: Vec<Filter>,
+    /// Samples or mutations per pixel, rising.
+    pub samples: Vec<u32>,
+    /// Replicates of every integrator.
+    pub seeds: u32,
+    /// Seed of the first replicate; the next ones follow.
+    pub seed: u64,
+    /// What each half of a reference is worth.
+    pub reference: ReferenceBudget,
+}
+
+/// What is asked for, before the scenes have been looked at.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Scene files or folders.
+    pub scenes: Vec<PathBuf>,
+    /// Pixels across, the height following; `None`: as the scenes say.
+    pub width: Option<u32>,
+    /// The integrators.
+    pub integrators: Vec<Method>,
+    /// The denoisers.
+    pub denoisers: Vec<Filter>,
+    /// Samples or mutations per pixel, in any order.
+    pub samples: Vec<u32>,
+    /// Replicates.
+    pub seeds: u32,
+    /// Seed of the first.
+    pub seed: u64,
+    /// What a reference, both halves together, is worth; `None`: [`REFERENCE_FACTOR`] times the largest sample count.
+    pub reference: Option<ReferenceBudget>,
+}
+
+/// Samples of a whole reference for each of the largest sample count, by default: its noise is 1/32 of that of the best
+/// noisy picture of the same method, and well below what denoisers leave of it.
+pub const REFERENCE_FACTOR: u32 = 32;
+
+const PLAN: &str = "plan.json";
+
+impl Request {
+    /// Loads the scenes, and says what will be measured.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] where one cannot be loaded; [`Error::Nothing`] where a list is empty.
+    pub fn load(self) -> Result<(Settings, Vec<Scene>), Error> {
+        let mut samples = self.samples;
+        samples.sort_unstable();
+        samples.dedup();
+        samples.retain(|&count| count > 0);
+        let lists = [
+            ("scenes", self.scenes.len()),
+            ("integrators", self.integrators.len()),
+            ("denoisers", self.denoisers.len()),
+            ("sample counts", samples.len()),
+            ("seeds", self.seeds as usize),
+        ];
+        if let Some((what, _)) = lists.into_iter().find(|&(_, count)| count == 0) {
+            return Err(Error::Nothing(format!("no {what}")));
+        }
+        let most = samples.last().copied().unwrap_or(1);
+        let whole = self
+            .reference
+            .unwrap_or(ReferenceBudget::Samples(most.saturating_mul(REFERENCE_FACTOR)));
+        let reference = match whole {
+            ReferenceBudget::Samples(samples) => ReferenceBudget::Samples(samples.div_ceil(2)),
+            ReferenceBudget::Seconds(seconds) => ReferenceBudget::Seconds(seconds / 2.0),
+        };
+        let (mut scenes, mut loaded, mut names) = (Vec::new(), Vec::new(), HashSet::new());
+        for path in &self.scenes {
+            let (mut settings, scene) = load(path, self.width)?;
+            let plain = settings.name.clone();
+            for number in 2.. {
+                if names.insert(settings.name.clone()) {
+                    break;
+                }
+                settings.name = format!("{plain}-{number}");
+            }
+            scenes.push(settings);
+            loaded.push(scene);
+        }
+        let settings = Settings {
+            scenes,
+            integrators: without_repeats(self.integrators),
+            denoisers: without_repeats(self.denoisers),
+            samples,
+            seeds: self.seeds,
+            seed: self.seed,
+            reference,
+        };
+        Ok((settings, loaded))
+    }
+}
+
+fn without_repeats<T: Ord>(mut list: Vec<T>) -> Vec<T> {
+    list.sort_unstable();
+    list.dedup();
+    list
+}
+
+fn load(path: &Path, width: Option<u32>) -> Result<(SceneSettings, Scene), Error> {
+    let file = find_scene(path)?;
+    let mut scene = Scene::load(&file, &LoadOptions::default())?;
+    if let Some(width) = width.filter(|&width| width != scene.film.width) {
+        let ratio = f64::from(scene.film.height) / f64::from(scene.film.width);
+        let height = ((f64::from(width) * ratio).round() as u32).max(1);
+        let options = LoadOptions { size: Some((width, height)), ..LoadOptions::default() };
+        scene = Scene::load(&file, &options)?;
+    }
+    let absolute = std::path::absolute(&file).map_err(at(&file))?;
+    let named = if file.file_stem().is_some_and(|stem| stem == "scene") {
+        absolute.parent().unwrap_or(&absolute)
+    } else {
+        &absolute
+    };
+    let name = named.file_stem().map_or("scene".into(), |stem| stem.to_string_lossy());
+    let letter =
+        |letter: char| if letter.is_alphanumeric() || letter == '_' { letter } else { '-' };
+    let settings = SceneSettings {
+        name: name.chars().map(letter).collect(),
+        path: path.to_path_buf(),
+        sha256: sha256(&fs::read(&file).map_err(at(&file))?),
+        width: scene.film.crop[2],
+        height: scene.film.crop[3],
+    };
+    Ok((settings, scene))
+}
+
+impl ReferenceBudget {
+    /// As the renderer takes it.
+    pub fn budget(self) -> crate::render::Budget {
+        match self {
+            Self::Samples(samples) => crate::render::Budget::Samples(samples),
+            Self::Seconds(seconds) => {
+                crate::render::Budget::Time(Duration::from_secs_f64(seconds.max(0.0)))
+            }
+        }
+    }
+}
+
+impl Settings {
+    /// The file that holds them.
+    pub fn path(folder: &Path) -> PathBuf {
+        folder.join(PLAN)
+    }
+
+    /// Reads the settings of the measurement in `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] and [`Error::Format`] where there are none.
+    pub fn read(folder: &Path) -> Result<Self, Error> {
+        read_json(&Self::path(folder))
+    }
+
+    /// Writes them, whole or not at all.
+    ///
+    /// # Errors
+    /// [`Error::Image`] where the folder cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), Error> {
+        write_json(&Self::path(folder), self)
+    }
+
+    /// These settings joined by those of a measurement that is there: scenes and seeds may be added, everything else
+    /// must be the same.
+    ///
+    /// # Errors
+    /// [`Error::Settings`], with each setting that differs.
+    pub fn join(mut self, found: &Self, folder: &Path) -> Result<Self, Error> {
+        let mut differences = Vec::new();
+        let mut compare = |what: &str, is_same: bool, here: String, there: String| {
+            if !is_same {
+                differences.push(format!("{what} {there} there, {here} here"));
+            }
+        };
+        macro_rules! compare {
+            ($($field:ident),*) => {
+                $(compare(
+                    stringify!($field),
+                    self.$field == found.$field,
+                    format!("{:?}", self.$field),
+                    format!("{:?}", found.$field),
+                );)*
+            };
+        }
+        compare!(integrators, denoisers, samples, seed, reference);
+        for scene in &self.scenes {
+            if let Some(other) = found.scenes.iter().find(|other| other.name == scene.name) {
+                let facts = |of: &SceneSettings| {
+                    format!("{}x{}, SHA-256 {}", of.width, of.height, &of.sha256)
+                };
+                let is_same = facts(scene) == facts(other);
+                compare(&format!("scene {}", scene.name), is_same, facts(scene), facts(other));
+            }
+        }
+        if !differences.is_empty() {
+            let differences = differences.join("; ");
+            return Err(Error::Settings { path: Self::path(folder), differences });
+        }
+        let added = self
+            .scenes
+            .iter()
+            .filter(|scene| found.scenes.iter().all(|other| other.name != scene.name));
+        self.scenes = found.scenes.iter().chain(added).cloned().collect();
+        self.seeds = self.seeds.max(found.seeds);
+        Ok(self)
+    }
+}
+
+/// Reads a file of a measurement.
+pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
+    let text = fs::read_to_string(path).map_err(at(path))?;
+    serde_json::from_str(&text).map_err(|error| Error::Format {
+        path: path.to_path_buf(),
+        found: error.to_string(),
+        expected: "a file of a measurement of this version".to_owned(),
+    })
+}
+
+/// Writes a file of a measurement, whole or not at all.
+pub(super) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Error> {
+    let io = |source| quietlight_denoise::Error::Io { path: path.to_path_buf(), source };
+    atomic::write(path, |file| {
+        serde_json::to_writer_pretty(&mut *file, value).map_err(|error| io(error.into()))?;
+        file.write_all(b"\n").map_err(io)
+    })?;
+    Ok(())
+}
