@@ -205,6 +205,16 @@ fn inspect_doctor_completions_and_replay_answer() {
         serde_json::from_slice(&done.stdout).expect("JSON on standard output");
     assert_eq!(facts["has_masks"].as_bool(), Some(false));
     assert!(facts["triangles"].as_u64().is_some_and(|count| count > 10));
+    assert_eq!(facts["lobes"]["diffuse"].as_u64(), Some(5));
+    let cost = |name: &str| facts["cost"][name].as_f64().expect("a number");
+    let parts = ["loading_seconds", "render_seconds", "denoising_seconds", "writing_seconds"];
+    let sum: f64 = parts.map(cost).iter().sum();
+    assert!((cost("seconds") - sum).abs() < 1e-9 * sum && cost("render_seconds") > 0.0, "{facts}");
+    assert!(cost("peak_bytes") > 1e6 && cost("samples") == 64.0, "{facts}");
+    let done = quietlight(&["inspect", &scene, "--json", "--no-probe"], folder.path());
+    let facts: serde_json::Value =
+        serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    assert!(facts["cost"].is_null() && facts["light"]["hits_per_walk"].is_f64(), "{facts}");
     let done = quietlight(&["inspect", &scene], folder.path());
     assert!(text(&done.stdout).contains("left out"), "{}", text(&done.stdout));
     let done = quietlight(&["doctor"], folder.path());

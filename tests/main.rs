@@ -12,6 +12,7 @@ mod determinism;
 mod emission;
 mod equal_energy;
 mod extremes;
+mod inspect;
 mod kept_inputs;
 mod markov;
 mod rays;
