@@ -8,19 +8,24 @@
 
 pub mod curve;
 mod job;
+mod judge;
 pub mod merge;
 pub mod page;
 mod pictures;
+mod request;
 pub mod scores;
 pub mod settings;
 pub mod statistics;
 mod table;
 pub mod unit;
 mod verdict;
+mod words;
+mod workshop;
 
 pub use job::{Job, Outcome, Plan};
+pub use request::{REFERENCE_FACTOR, Request};
 pub use scores::Scores;
-pub use settings::{Filter, Method, ReferenceBudget, Request, Settings};
+pub use settings::{Filter, Method, ReferenceBudget, Settings};
 pub use verdict::{Choice, Standing, Verdict};
 
 use std::path::{Path, PathBuf};
