@@ -35,8 +35,11 @@ fn reach(target: f64, most: Budget, errors: &[Option<f64>]) -> (Ending, Vec<u32>
         Ok::<_, Infallible>(errors[looks.len() - 1])
     };
     let stop = AtomicBool::new(false);
+    let advance = |rendering: &mut Rendering<'_>, samples| {
+        threads.install(|| rendering.advance(samples, &|_| {}, &stop));
+    };
     let Ok(ending) =
-        Target { error: target, most }.reach(&mut rendering, &threads, &|_| {}, &stop, judge);
+        Target { error: target, most }.reach(&mut rendering, &threads, advance, &stop, judge);
     let samples = rendering.samples();
     (ending, looks, samples)
 }
@@ -72,7 +75,10 @@ fn a_stop_is_heeded_between_looks() {
     let stop = AtomicBool::new(false);
     let mut looks = 0;
     let target = Target { error: 1e-9, most: Budget::Samples(1 << 20) };
-    let Ok(ending) = target.reach(&mut rendering, &threads, &|_| {}, &stop, |_, _| {
+    let advance = |rendering: &mut Rendering<'_>, samples| {
+        threads.install(|| rendering.advance(samples, &|_| {}, &stop));
+    };
+    let Ok(ending) = target.reach(&mut rendering, &threads, advance, &stop, |_, _| {
         looks += 1;
         stop.store(looks == 2, Ordering::Relaxed);
         Ok::<_, Infallible>(Some(1.0))
