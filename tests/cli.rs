@@ -205,6 +205,16 @@ fn inspect_doctor_completions_and_replay_answer() {
         serde_json::from_slice(&done.stdout).expect("JSON on standard output");
     assert_eq!(facts["has_masks"].as_bool(), Some(false));
     assert!(facts["triangles"].as_u64().is_some_and(|count| count > 10));
+    assert_eq!(facts["lobes"]["diffuse"].as_u64(), Some(5));
+    let cost = |name: &str| facts["cost"][name].as_f64().expect("a number");
+    let parts = ["loading_seconds", "render_seconds", "denoising_seconds", "writing_seconds"];
+    let sum: f64 = parts.map(cost).iter().sum();
+    assert!((cost("seconds") - sum).abs() < 1e-9 * sum && cost("render_seconds") > 0.0, "{facts}");
+    assert!(cost("peak_bytes") > 1e6 && cost("samples") == 64.0, "{facts}");
+    let done = quietlight(&["inspect", &scene, "--json", "--no-probe"], folder.path());
+    let facts: serde_json::Value =
+        serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    assert!(facts["cost"].is_null() && facts["light"]["hits_per_walk"].is_f64(), "{facts}");
     let done = quietlight(&["inspect", &scene], folder.path());
     assert!(text(&done.stdout).contains("left out"), "{}", text(&done.stdout));
     let done = quietlight(&["doctor"], folder.path());
@@ -573,7 +583,7 @@ fn pictures_of_two_seeds_merge_into_one_with_all_their_samples() {
 /// Runs a render and kills it after so long, over and over, each time going on from what was kept; then lets it end. Returns how
 /// often there was something to go on from.
 fn killed(render: &[&str], folder: &Path, output: &str, times: u32, most: Duration) -> u32 {
-    let mut resumed = 0;
+    let (mut resumed, mut kept) = (0, 0);
     let checkpoint = Path::new(output).with_extension("checkpoint");
     for time in 0..times {
         let mut child = Command::new(env!("CARGO_BIN_EXE_quietlight"))
@@ -585,17 +595,20 @@ fn killed(render: &[&str], folder: &Path, output: &str, times: u32, most: Durati
             .spawn()
             .expect("the binary runs");
         // Moments spread evenly (golden ratio), whatever the machine does.
-        let part = (f64::from(time) * 0.618_033_988_75).fract();
-        std::thread::sleep(most.mul_f64(part));
+        let after = most.mul_f64((f64::from(time) * 0.618_033_988_75).fract());
+        std::thread::sleep(after);
         child.kill().expect("it is killed, or has ended");
         child.wait().expect("it is gone");
         for name in names(folder) {
             assert!(!name.ends_with(".part"), "{name} is left behind");
         }
         if folder.join(&checkpoint).exists() {
-            State::read(&folder.join(&checkpoint)).expect("the checkpoint is whole");
+            let state = State::read(&folder.join(&checkpoint)).expect("the checkpoint is whole");
+            assert!(state.samples() >= kept, "{kept} samples were kept, now {}", state.samples());
+            kept = state.samples();
             resumed += 1;
         }
+        println!("{time}: killed after {:.3} s; kept: {kept} samples", after.as_secs_f64());
     }
     let done =
         quietlight(&[render, &["-o", output, "--resume", "--checkpoint", "1ms"]].concat(), folder);

@@ -113,7 +113,7 @@ pub(super) struct Render {
     pub(super) time: Option<Duration>,
     /// Stop when the estimated relative L2 of the picture, denoised if it is, is at most this; --spp or --time are then the
     /// most that is spent [default: 65536 samples per pixel]
-    #[arg(long, value_name = "ERROR", value_parser = target, conflicts_with_all = ["no_estimate", "resume", "shard"])]
+    #[arg(long, value_name = "ERROR", value_parser = target, conflicts_with = "no_estimate")]
     pub(super) target_error: Option<f64>,
     /// Keep what there is this often, such as 5m or 30s, in a file beside the output from which --resume goes on; or off
     #[arg(long, value_name = "TIME", default_value = "5m", value_parser = interval)]
@@ -122,7 +122,7 @@ pub(super) struct Render {
     #[arg(long)]
     pub(super) resume: bool,
     /// Take only every N-th sample or chain, from number I on: for machine I of N, counted from 0. `merge` makes the picture
-    #[arg(long, value_name = "I/N", default_value = "0/1", conflicts_with_all = ["time", "strategies", "replay"])]
+    #[arg(long, value_name = "I/N", default_value = "0/1", conflicts_with_all = ["time", "target_error", "strategies", "replay"])]
     pub(super) shard: Shard,
     /// What takes the noise out
     #[arg(long, value_enum, default_value_t)]
@@ -182,6 +182,9 @@ pub(super) struct Merge {
     /// Also write the two independent halves of every layer
     #[arg(long)]
     pub(super) halves: bool,
+    /// Do not estimate the error of the denoised picture: that takes twice the time of denoising
+    #[arg(long)]
+    pub(super) no_estimate: bool,
     /// Brighten the PNG by this many stops
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub(super) exposure: f32,

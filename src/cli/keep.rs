@@ -57,34 +57,43 @@ impl Keeper {
         &self.notes
     }
 
-    /// A render without samples, or with those that an earlier run kept; `None` where all is done already.
+    /// Has an earlier run written the part already, and is it to be gone on with?
+    pub(super) fn is_part_done(
+        &self,
+        scene: &Scene,
+        settings: &RenderSettings,
+    ) -> Result<bool, Failure> {
+        if !(self.is_resumed && self.part.exists()) {
+            return Ok(false);
+        }
+        let header = Header::read(&self.part).bad_input()?;
+        header
+            .check(scene, settings)
+            .with_context(|| self.part.display().to_string())
+            .bad_input()?;
+        self.tell_part(header.elapsed, "done already");
+        Ok(true)
+    }
+
+    /// A render without samples, or with those that an earlier run kept.
     pub(super) fn begin<'s>(
         &self,
         scene: &'s Scene,
         settings: &RenderSettings,
         threads: &rayon::ThreadPool,
-    ) -> Result<Option<Rendering<'s>>, Failure> {
+    ) -> Result<Rendering<'s>, Failure> {
         let checkpoint = self.checkpoint.display();
-        if self.is_resumed && self.is_part() && self.part.exists() {
-            let header = Header::read(&self.part).bad_input()?;
-            header
-                .check(scene, settings)
-                .with_context(|| self.part.display().to_string())
-                .bad_input()?;
-            self.tell_part(header.elapsed, "done already");
-            return Ok(None);
-        }
         if !self.checkpoint.exists() {
             if self.is_resumed {
                 eprintln!("{checkpoint} is not there: beginning anew");
             }
-            return Ok(Some(Rendering::new(scene, settings)));
+            return Ok(Rendering::new(scene, settings));
         }
         if !self.is_resumed {
             eprintln!(
                 "warning: {checkpoint} of an earlier render is there, and will be replaced; --resume would go on from it"
             );
-            return Ok(Some(Rendering::new(scene, settings)));
+            return Ok(Rendering::new(scene, settings));
         }
         let state = State::read(&self.checkpoint).bad_input()?;
         let seconds = state.header.elapsed.as_secs_f64();
@@ -96,7 +105,7 @@ impl Keeper {
             .bad_input()?;
         let samples = rendering.samples();
         eprintln!("going on from {checkpoint}: {samples} samples per pixel in {seconds:.1} s");
-        Ok(Some(rendering))
+        Ok(rendering)
     }
 
     /// Renders, and keeps what there is from time to time, and at the end of a long render or one that Ctrl-C ends. `show` gets
@@ -107,7 +116,7 @@ impl Keeper {
         budget: Budget,
         threads: &rayon::ThreadPool,
         show: &(dyn Fn(u64) + Sync),
-    ) -> Result<(), Failure> {
+    ) {
         let mut last = Instant::now();
         let mut is_long = self.is_resumed && self.checkpoint.exists();
         loop {
@@ -119,11 +128,8 @@ impl Keeper {
             if is_stopped || (is_long && !self.is_part()) || !is_done {
                 self.keep(rendering);
             }
-            if is_stopped && self.is_part() {
-                return Err(Failure::Interrupted);
-            }
             if is_stopped || is_done {
-                return Ok(());
+                return;
             }
             last = Instant::now();
         }
@@ -150,7 +156,13 @@ impl Keeper {
     }
 
     /// Writes a shard that is done.
+    ///
+    /// # Errors
+    /// [`Failure::Interrupted`] where it is not done.
     pub(super) fn finish_part(&self, rendering: &Rendering<'_>) -> Result<(), Failure> {
+        if STOP.load(Ordering::Relaxed) {
+            return Err(Failure::Interrupted);
+        }
         self.write(rendering, &self.part)
             .with_context(|| format!("cannot write {}", self.part.display()))?;
         self.forget();

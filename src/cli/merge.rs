@@ -31,8 +31,19 @@ pub(super) fn run(arguments: &Merge) -> Result<(), Failure> {
         Some(denoiser) => Some(denoising::run(denoiser, &layers, &threads)?),
         None => None,
     };
+    let error = match (&denoiser, &denoised) {
+        (Some(denoiser), Some(denoised)) if !arguments.no_estimate => {
+            denoising::estimate(denoised, denoiser, &layers, &threads)?
+        }
+        _ => None,
+    };
     if let Some(denoised) = &denoised {
         layers.metadata.extend(denoised.facts());
+    }
+    if let Some(error) = &error {
+        let fact = ("estimated_relative_l2".to_owned(), denoising::in_words(error));
+        layers.metadata.extend([fact]);
+        layers.error = Some(error.map.clone());
     }
     let png = output.with_extension("png");
     let options = WriteOptions {
@@ -59,6 +70,8 @@ pub(super) fn run(arguments: &Merge) -> Result<(), Failure> {
             "height": layers.height,
             "samples": samples.parse::<u64>().ok(),
             "denoiser": denoised.as_ref().map(denoising::json),
+            "estimated_relative_l2": error.as_ref().map(|error| error.relative_l2),
+            "estimated_relative_l2_interval": error.as_ref().map(|error| error.interval),
             "warnings": warnings,
         });
         println!("{json:#}");
@@ -70,6 +83,9 @@ pub(super) fn run(arguments: &Merge) -> Result<(), Failure> {
             arguments.inputs.len(),
             denoised.map_or("not denoised".to_owned(), |by| format!("denoised by {}", by.by))
         );
+        if let Some(error) = &error {
+            println!("relative L2, estimated from the halves: {}", denoising::in_words(error));
+        }
     }
     Ok(())
 }

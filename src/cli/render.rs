@@ -50,8 +50,10 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         output: &output,
         keeper: &keeper,
     };
-    let Some(spent) = spending.spend(denoiser.as_ref(), start)? else { return Ok(()) };
-    let Spent { mut rendered, finished, note } = spent;
+    if keeper.is_part() {
+        return spending.render_part();
+    }
+    let Spent { mut rendered, finished, note } = spending.spend(denoiser.as_ref(), start)?;
     let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
     let is_interrupted = STOP.load(Ordering::Relaxed);
     let Finished { denoised, denoising, error } = finished;

@@ -67,20 +67,20 @@ struct Afterwards {
 }
 
 impl Spending<'_> {
-    /// Renders and denoises; `start` is when the program began. `None` where only a shard was to be rendered, which is written.
+    /// Renders and denoises; `start` is when the program began.
     pub(super) fn spend(
         &self,
         denoiser: Option<&Denoiser>,
         start: Instant,
-    ) -> Result<Option<Spent>, Failure> {
+    ) -> Result<Spent, Failure> {
         let estimates = !self.arguments.no_estimate;
         if let Some(error) = self.arguments.target_error {
-            return self.reach(error, denoiser, start).map(Some);
+            return self.reach(error, denoiser, start);
         }
         let Budget::Time(time) = self.settings.budget else {
-            let Some(rendered) = self.render(self.settings.budget)? else { return Ok(None) };
+            let rendered = self.render(self.settings)?;
             let finished = self.finish(denoiser, &rendered.layers, estimates)?;
-            return Ok(Some(Spent { rendered, finished, note: None }));
+            return Ok(Spent { rendered, finished, note: None });
         };
         let after = self.afterwards(denoiser)?;
         let total = time.as_secs_f64();
@@ -95,33 +95,39 @@ impl Spending<'_> {
             )
         });
         let budget = Budget::Time(Duration::from_secs_f64(left.max(least)));
-        let Some(rendered) = self.render(budget)? else { return Ok(None) };
+        let rendered = self.render(RenderSettings { budget, ..self.settings })?;
         let finished = self.finish(denoiser, &rendered.layers, estimates)?;
-        Ok(Some(Spent { rendered, finished, note }))
+        Ok(Spent { rendered, finished, note })
     }
 
-    /// Renders, from where an earlier run ended if that is asked for. `None` where only a shard was to be rendered.
-    fn render(&self, budget: Budget) -> Result<Option<Rendered>, Failure> {
+    /// Renders a part of the picture's samples into a file for `quietlight merge`.
+    pub(super) fn render_part(&self) -> Result<(), Failure> {
+        if self.keeper.is_part_done(self.scene, &self.settings)? {
+            return Ok(());
+        }
+        let rendering = self.run(self.settings)?;
+        self.keeper.finish_part(&rendering)
+    }
+
+    fn render(&self, settings: RenderSettings) -> Result<Rendered, Failure> {
+        let rendering = self.run(settings)?;
+        Ok(self.threads.install(|| rendering.finish()))
+    }
+
+    fn run(&self, settings: RenderSettings) -> Result<Rendering<'_>, Failure> {
+        let mut rendering = self.keeper.begin(self.scene, &settings, self.threads)?;
         let start = Instant::now();
-        let progress = match budget {
+        let progress = match settings.budget {
             Budget::Samples(samples) => self.progress(samples),
             Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
         };
-        let show = |done| match budget {
+        let show = |done| match settings.budget {
             Budget::Samples(_) => progress.at(done),
             Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
         };
-        let Some(mut rendering) = self.keeper.begin(self.scene, &self.settings, self.threads)?
-        else {
-            return Ok(None);
-        };
-        self.keeper.run(&mut rendering, budget, self.threads, &show)?;
+        self.keeper.run(&mut rendering, settings.budget, self.threads, &show);
         progress.finish();
-        if self.keeper.is_part() {
-            self.keeper.finish_part(&rendering)?;
-            return Ok(None);
-        }
-        Ok(Some(self.threads.install(|| rendering.finish())))
+        Ok(rendering)
     }
 
     fn progress(&self, samples: u32) -> Progress {
@@ -200,7 +206,7 @@ impl Spending<'_> {
             time => time,
         };
         let settings = RenderSettings { budget: usual, ..self.settings };
-        let mut rendering = Rendering::new(self.scene, &settings);
+        let mut rendering = self.keeper.begin(self.scene, &settings, self.threads)?;
         let mut finished = Finished::default();
         let progress = self.progress(match most {
             Budget::Samples(samples) => samples,
@@ -221,7 +227,10 @@ impl Spending<'_> {
         };
         let target = Target { error, most };
         let show = |done| progress.at(done);
-        let ending = target.reach(&mut rendering, self.threads, &show, &STOP, judge)?;
+        let advance = |rendering: &mut Rendering<'_>, samples| {
+            self.keeper.run(rendering, Budget::Samples(samples), self.threads, &show);
+        };
+        let ending = target.reach(&mut rendering, self.threads, advance, &STOP, judge)?;
         progress.finish();
         let rendered = self.threads.install(|| rendering.finish());
         if ending == Ending::Stopped {

@@ -128,17 +128,17 @@ impl Film {
 
     /// Bytes that the layers take that [`Film::layers`] makes: mean, variance and two halves of each, and two counts.
     pub fn layer_bytes(settings: FilmSettings, requirements: &Requirements) -> u64 {
-        let each = 4 * Self::numbers(|kind| requirements.needs(kind)) + 2;
+        let each = 4 * Self::count(|kind| requirements.needs(kind)) + 2;
         settings.crop_pixels().saturating_mul((each * size_of::<f32>()) as u64)
     }
 
     /// Numbers of a sample in the layers that are kept.
-    fn numbers(is_kept: impl Fn(LayerKind) -> bool) -> usize {
+    fn count(is_kept: impl Fn(LayerKind) -> bool) -> usize {
         CHANNELS.iter().filter(|(kind, _)| is_kept(*kind)).map(|&(_, channels)| channels).sum()
     }
 
     fn bytes_of(settings: FilmSettings, is_kept: impl Fn(LayerKind) -> bool) -> u64 {
-        let kept = Self::numbers(is_kept);
+        let kept = Self::count(is_kept);
         let each = kept * size_of::<Sums>() + size_of::<Counts>();
         settings.crop_pixels().saturating_mul(each as u64)
     }

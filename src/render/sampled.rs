@@ -96,6 +96,11 @@ impl<'a> Sampled<'a> {
         Self { taken, ..self }
     }
 
+    /// The layers as the samples so far give them.
+    pub(super) fn layers(&self) -> Layers {
+        self.taken.layers(self.scene.origin)
+    }
+
     /// What was taken so far.
     pub(super) fn taken(&self) -> &Samples {
         &self.taken

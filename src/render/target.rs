@@ -39,9 +39,10 @@ pub enum Ending {
 }
 
 impl Target {
-    /// Goes on with `rendering` until `judge` estimates an error of at most the target. `judge` gets the samples per pixel
-    /// and the layers, and tells the relative L2 of the picture made of them, if it can; it is not called on the threads of `threads`. What it says last is
-    /// of the layers as they are at the end, unless that was stopped.
+    /// Goes on with `rendering` until `judge` estimates an error of at most the target. `advance` goes on until there are so
+    /// many samples per pixel, or `stop` is true. `judge` gets the samples per pixel and the layers, and tells the relative L2
+    /// of the picture made of them, if it can; it is not called on the threads of `threads`. What it says last is of the layers
+    /// as they are at the end, unless that was stopped.
     ///
     /// # Errors
     /// Those of `judge`, as they come.
@@ -49,7 +50,7 @@ impl Target {
         &self,
         rendering: &mut Rendering<'_>,
         threads: &rayon::ThreadPool,
-        progress: &(dyn Fn(u64) + Sync),
+        mut advance: impl FnMut(&mut Rendering<'_>, u32),
         stop: &AtomicBool,
         mut judge: impl FnMut(u32, &Layers) -> Result<Option<f64>, E>,
     ) -> Result<Ending, E> {
@@ -65,7 +66,7 @@ impl Target {
         let (mut before, mut rendered) = (None, Duration::ZERO);
         loop {
             let round = Instant::now();
-            threads.install(|| rendering.advance(goal, progress, stop));
+            advance(rendering, goal);
             rendered += round.elapsed();
             if stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
