@@ -1,7 +1,9 @@
 //! Budgets keep their word: errors are judged on the picture that is written, and nothing is spent beyond what may be.
 
 use crate::support::scenes::scene_around;
-use quietlight::render::{Budget, Ending, RenderSettings, Rendering, Target};
+use quietlight::render::{
+    Budget, Ending, RenderSettings, Rendering, SamplerKind, Target, adaptive,
+};
 use quietlight::scene::Scene;
 use quietlight_denoise::{LayerKind, exr};
 use std::convert::Infallible;
@@ -91,7 +93,12 @@ fn render(arguments: &[&str], folder: &Path) -> (serde_json::Value, Output) {
     let done = Command::new(env!("CARGO_BIN_EXE_quietlight"))
         .arg("render")
         .arg(scene)
-        .args(["--size", "32x32", "--denoiser", "bilateral", "--json", "-o", "out.exr"])
+        .args(["--size", "32x32", "--json", "-o", "out.exr"])
+        .args(if arguments.iter().any(|argument| argument.starts_with("--denoiser")) {
+            &[][..]
+        } else {
+            &["--denoiser", "bilateral"]
+        })
         .args(arguments)
         .current_dir(folder)
         .output()
@@ -136,4 +143,86 @@ fn an_error_out_of_reach_is_told_and_time_is_for_all_there_is_to_do() {
     assert!(outcome["estimated_relative_l2"].is_null() && outcome["denoiser"].is_object());
     let layers = exr::read(&folder.path().join("out.exr")).expect("the EXR").layers;
     assert!(layers.error.is_none() && layers.layers.contains_key(&LayerKind::Beauty));
+}
+
+/// Dark, but for a lamp that path tracing finds by chance: what a pilot sees of it tells much of its own luck.
+fn lamp() -> Scene {
+    scene_around(
+        8,
+        50.0,
+        3,
+        r#"<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="5"/>
+            <translate y="-1" z="-4"/></transform><bsdf type="diffuse"/></shape>
+        <shape type="sphere"><point name="center" x="0" y="1" z="-4"/><float name="radius" value="0.3"/>
+            <emitter type="area"><rgb name="radiance" value="20"/></emitter></shape>"#,
+    )
+}
+
+#[test]
+fn where_samples_go_does_not_change_the_mean() {
+    // The error that is told is the brightness of the pilot itself, of four samples by chance alone: the bright pixels of a lucky
+    // pilot get up to 64 times the samples of others. 400 pictures against 400 even ones, by their means; independent, so that
+    // the bound is 4 standard errors.
+    let scene = lamp();
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
+    let stop = AtomicBool::new(false);
+    let by_chance = quietlight::integrator::PathTracing {
+        strategy: quietlight::integrator::Strategy::Bsdf,
+        ..Default::default()
+    };
+    let mean_and_error = |adapts: bool| {
+        let means: Vec<f64> = (0..400)
+            .map(|seed| {
+                let settings = RenderSettings {
+                    budget: Budget::Samples(16),
+                    seed: seed + if adapts { 1000 } else { 0 },
+                    sampler: SamplerKind::Independent,
+                    integrator: by_chance.into(),
+                    ..RenderSettings::default()
+                };
+                let judge = |layers: &quietlight_denoise::Layers| {
+                    let pilot = &layers.layers[&LayerKind::Beauty].mean;
+                    let brightness = pilot.slice(ndarray::s![0..1, .., ..]).to_owned();
+                    Ok::<_, Infallible>(adapts.then_some(brightness))
+                };
+                let Ok(rendered) = adaptive(&scene, &settings, &threads, &|_| {}, &stop, judge);
+                let layer = &rendered.layers.layers[&LayerKind::Beauty];
+                let [a, b] = layer.halves.as_ref().expect("halves");
+                let difference = (a + b) * 0.5 - &layer.mean;
+                assert!(difference.iter().all(|difference| difference.abs() < 1e-4));
+                f64::from(layer.mean.sum()) / layer.mean.len() as f64
+            })
+            .collect();
+        let count = means.len() as f64;
+        let mean = means.iter().sum::<f64>() / count;
+        let variance = means.iter().map(|m| (m - mean) * (m - mean)).sum::<f64>() / (count - 1.0);
+        (mean, (variance / count).sqrt())
+    };
+    let ((even, even_error), (found, error)) = (mean_and_error(false), mean_and_error(true));
+    let bound = 4.0 * even_error.hypot(error);
+    assert!((found - even).abs() < bound, "{found} and {even}, bound {bound}");
+    assert!(bound < 0.1 * even, "{bound} sees no bias worth the name, of {even}");
+}
+
+#[test]
+fn adaptive_pictures_have_all_layers_and_whole_counts() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (outcome, done) = render(&["--spp", "32", "--adaptive"], folder.path());
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let layers = exr::read(&folder.path().join("out.exr")).expect("the EXR").layers;
+    let counts = layers.samples.as_ref().expect("counts");
+    let mean = f64::from(counts.sum()) / counts.len() as f64;
+    // Counts are rounded up to pairs, by less than one sample on average.
+    assert!((mean - 32.0).abs() <= 1.5, "{mean} samples on average");
+    assert!(counts.iter().any(|&count| count > 40.0) && counts.iter().any(|&count| count < 28.0));
+    assert!(outcome["facts"]["adaptive"].is_string());
+    let sum = &layers.layers[&LayerKind::Diffuse].mean + &layers.layers[&LayerKind::Specular].mean;
+    assert_eq!(sum, layers.layers[&LayerKind::Beauty].mean);
+    let (_, again) = render(&["--spp", "32", "--adaptive", "--threads", "1"], folder.path());
+    assert!(again.status.success());
+    let same = exr::read(&folder.path().join("out.exr")).expect("the EXR").layers;
+    assert_eq!(same.layers[&LayerKind::Beauty].mean, layers.layers[&LayerKind::Beauty].mean);
+    for refused in [["--adaptive", "--denoiser=none"], ["--adaptive", "--integrator=bdpt"]] {
+        assert_eq!(render(&refused, folder.path()).1.status.code(), Some(2));
+    }
 }

@@ -124,6 +124,10 @@ pub(super) struct Render {
     /// Take only every N-th sample or chain, from number I on: for machine I of N, counted from 0. `merge` makes the picture
     #[arg(long, value_name = "I/N", default_value = "0/1", conflicts_with_all = ["time", "target_error", "strategies", "replay"])]
     pub(super) shard: Shard,
+    /// With path tracing and a denoiser: take a quarter of the samples evenly, and the rest where the denoised picture of
+    /// these is worst. Not kept from time to time
+    #[arg(long, conflicts_with_all = ["target_error", "resume", "shard", "replay"])]
+    pub(super) adaptive: bool,
     /// What takes the noise out
     #[arg(long, value_enum, default_value_t)]
     pub(super) denoiser: Denoiser,

@@ -34,6 +34,16 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         return replay::run(&scene, &settings, [x, y], sample);
     }
     check_memory(&scene, &settings).bad_input()?;
+    if arguments.adaptive
+        && (!settings.integrator.is_path() || arguments.denoiser == super::args::Denoiser::None)
+    {
+        return Err(anyhow::anyhow!(
+            "--adaptive is for path tracing with a denoiser; here it is {} with --denoiser {:?}",
+            settings.integrator.name(),
+            arguments.denoiser
+        ))
+        .bad_input();
+    }
     let output = output_path(arguments)?;
     let pyramid = Pyramid::prepare(arguments.strategies.as_deref(), &settings)?;
     heed_ctrl_c("finishing this pass, then writing what there is")?;

@@ -6,12 +6,12 @@ use super::progress::Progress;
 use super::render::STOP;
 use super::{Failure, denoising};
 use crate::render::probe;
-use crate::render::{Budget, Ending, RenderSettings, Rendered, Rendering, Target};
+use crate::render::{Budget, Ending, RenderSettings, Rendered, Rendering, Target, adaptive};
 use crate::scene::Scene;
 use anyhow::Context;
 use quietlight_denoise::exr::{self, WriteOptions};
 use quietlight_denoise::variance::estimated_relative_l2;
-use quietlight_denoise::{Denoised, Denoiser, ErrorEstimate, LayerKind, Layers};
+use quietlight_denoise::{Denoised, Denoiser, ErrorEstimate, Image, LayerKind, Layers};
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -78,7 +78,7 @@ impl Spending<'_> {
             return self.reach(error, denoiser, start);
         }
         let Budget::Time(time) = self.settings.budget else {
-            let rendered = self.render(self.settings)?;
+            let rendered = self.render(self.settings, denoiser)?;
             let finished = self.finish(denoiser, &rendered.layers, estimates)?;
             return Ok(Spent { rendered, finished, note: None });
         };
@@ -95,7 +95,7 @@ impl Spending<'_> {
             )
         });
         let budget = Budget::Time(Duration::from_secs_f64(left.max(least)));
-        let rendered = self.render(RenderSettings { budget, ..self.settings })?;
+        let rendered = self.render(RenderSettings { budget, ..self.settings }, denoiser)?;
         let finished = self.finish(denoiser, &rendered.layers, estimates)?;
         Ok(Spent { rendered, finished, note })
     }
@@ -109,9 +109,37 @@ impl Spending<'_> {
         self.keeper.finish_part(&rendering)
     }
 
-    fn render(&self, settings: RenderSettings) -> Result<Rendered, Failure> {
+    fn render(
+        &self,
+        settings: RenderSettings,
+        denoiser: Option<&Denoiser>,
+    ) -> Result<Rendered, Failure> {
+        if let (true, Some(denoiser)) = (self.arguments.adaptive, denoiser) {
+            return self.adaptive(settings, denoiser);
+        }
         let rendering = self.run(settings)?;
         Ok(self.threads.install(|| rendering.finish()))
+    }
+
+    /// Renders adaptively, by the estimated error of the denoised pilot.
+    fn adaptive(&self, settings: RenderSettings, denoiser: &Denoiser) -> Result<Rendered, Failure> {
+        let progress = match settings.budget {
+            Budget::Samples(samples) => self.progress(samples),
+            Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
+        };
+        let start = Instant::now();
+        let show = |done| match settings.budget {
+            Budget::Samples(_) => progress.at(done),
+            Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
+        };
+        let judge = |layers: &Layers| -> anyhow::Result<Option<Image>> {
+            let denoised = denoising::run(denoiser, layers, self.threads)?;
+            let error = denoising::estimate(&denoised, denoiser, layers, self.threads)?;
+            Ok(error.map(|error| error.map))
+        };
+        let rendered = adaptive(self.scene, &settings, self.threads, &show, &STOP, judge)?;
+        progress.finish();
+        Ok(rendered)
     }
 
     fn run(&self, settings: RenderSettings) -> Result<Rendering<'_>, Failure> {

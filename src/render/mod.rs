@@ -1,5 +1,6 @@
 //! Who runs where: passes over tiles, rounds of chains, threads, budgets of samples or time, progress.
 
+mod adaptive;
 mod average;
 mod bidirectional;
 mod chains;
@@ -18,6 +19,7 @@ mod target;
 mod units;
 mod visibility;
 
+pub use adaptive::adaptive;
 pub use average::{Average, AverageError};
 pub use memory::{NotEnoughMemory, check_memory};
 pub use method::Report;

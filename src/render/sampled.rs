@@ -9,6 +9,7 @@ use glam::{DVec3, Vec2};
 use quietlight_denoise::Layers;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
@@ -139,6 +140,31 @@ impl<'a> Sampled<'a> {
             progress(done.fetch_add(added, Ordering::Relaxed) + added);
         });
         *samples += count;
+    }
+}
+
+impl Sampled<'_> {
+    /// Takes other samples in each pixel of the crop window, by its index row after row: those of these numbers. Returns how many
+    /// there are now in the whole picture.
+    pub(super) fn pass_each(&mut self, numbers_of: impl Fn(usize) -> Range<u32> + Sync) -> u64 {
+        let Self { scene, path_tracing, seed, sampler, taken, .. } = self;
+        let numbers = Numbers { seed: *seed, sampler: *sampler };
+        let width = scene.film.crop[2] as usize;
+        let (tiles, kept) = taken.film.tiles_mut();
+        let counts = tiles.par_iter_mut().map(|tile| {
+            let mut count = 0;
+            let places = tile.pixels().zip(tile.film_pixels()).enumerate();
+            for (index, ([x, y], pixel)) in places {
+                let samples = numbers_of(y as usize * width + x as usize);
+                count += u64::from(samples.end);
+                for sample in samples {
+                    let found = sample_pixel(scene, path_tracing, numbers, pixel, sample, |_| {});
+                    tile.add(index, (sample & 1) as usize, &found, kept);
+                }
+            }
+            count
+        });
+        counts.sum()
     }
 }
 
