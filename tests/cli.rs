@@ -572,6 +572,7 @@ fn pictures_of_two_seeds_merge_into_one_with_all_their_samples() {
 
 /// Runs a render and kills it after so long, over and over, each time going on from what was kept; then lets it end. Returns how
 /// often there was something to go on from.
+#[expect(clippy::print_stdout, reason = "a log of the kills")]
 fn killed(render: &[&str], folder: &Path, output: &str, times: u32, most: Duration) -> u32 {
     let (mut resumed, mut kept) = (0, 0);
     let checkpoint = Path::new(output).with_extension("checkpoint");
@@ -607,6 +608,7 @@ fn killed(render: &[&str], folder: &Path, output: &str, times: u32, most: Durati
     resumed
 }
 
+#[expect(clippy::print_stdout, reason = "a log of the kills")]
 fn check_killed(integrator: &str, size: &str, spp: &str, times: u32, most: Duration) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let scene = own_scene("cornell-box");
