@@ -1,4 +1,5 @@
 //! The command line as a person or a script uses it.
+#![allow(clippy::print_stdout, reason = "the log of kills is asked for with --nocapture")]
 
 use quietlight::render::State;
 use quietlight_denoise::picture::read_picture;
@@ -205,6 +206,16 @@ fn inspect_doctor_completions_and_replay_answer() {
         serde_json::from_slice(&done.stdout).expect("JSON on standard output");
     assert_eq!(facts["has_masks"].as_bool(), Some(false));
     assert!(facts["triangles"].as_u64().is_some_and(|count| count > 10));
+    assert_eq!(facts["lobes"]["diffuse"].as_u64(), Some(5));
+    let cost = |name: &str| facts["cost"][name].as_f64().expect("a number");
+    let parts = ["loading_seconds", "render_seconds", "denoising_seconds", "writing_seconds"];
+    let sum: f64 = parts.map(cost).iter().sum();
+    assert!((cost("seconds") - sum).abs() < 1e-9 * sum && cost("render_seconds") > 0.0, "{facts}");
+    assert!(cost("peak_bytes") > 1e6 && cost("samples") == 64.0, "{facts}");
+    let done = quietlight(&["inspect", &scene, "--json", "--no-probe"], folder.path());
+    let facts: serde_json::Value =
+        serde_json::from_slice(&done.stdout).expect("JSON on standard output");
+    assert!(facts["cost"].is_null() && facts["light"]["hits_per_walk"].is_f64(), "{facts}");
     let done = quietlight(&["inspect", &scene], folder.path());
     assert!(text(&done.stdout).contains("left out"), "{}", text(&done.stdout));
     let done = quietlight(&["doctor"], folder.path());
@@ -435,12 +446,13 @@ fn a_budget_of_time_ends_and_says_how_much_was_done() {
         assert!(done.status.success(), "{asked}: {}", text(&done.stderr));
         let outcome: serde_json::Value =
             serde_json::from_slice(&done.stdout).expect("JSON on standard output");
-        // How long a round takes is the machine's business; that it is not cut short is ours.
+        // How long a round takes is the machine's business, and what is written beside it; that rendering is not cut below
+        // its tenth is ours.
         let seconds = outcome["render_seconds"].as_f64().expect("seconds");
-        assert!(seconds >= 1.0, "{asked}: {seconds} s");
+        assert!(seconds >= 0.1, "{asked}: {seconds} s");
         assert!(outcome["samples"].as_u64().is_some_and(|samples| samples > 0), "{asked}");
         let contents = exr::read(&folder.path().join("timed.exr")).expect("the EXR is whole");
-        assert!(contents.layers.metadata["seconds"].parse::<f64>().is_ok_and(|s| s >= 1.0));
+        assert!(contents.layers.metadata["seconds"].parse::<f64>().is_ok_and(|s| s >= 0.1));
     }
 }
 

@@ -13,7 +13,7 @@
 //! | degenerate triangles | `degenerate_triangles_…`, `rays`, `emission::extremes`, `scene::mistakes` |
 //! | 500 bounces, albedo 1e-12 | `five_hundred_…`, `nearly_black_…` |
 //! | coincident connection points | `walls_that_meet_in_a_wedge_…`, `sheets_that_coincide_…` |
-//! | darkness | `darkness_stays_dark_and_is_told`, `denoisers::darkness_stays_dark` |
+//! | darkness | `darkness_stays_dark_and_is_told`, `visibility` |
 //! | smallest images | `pictures_of_few_pixels_…`, `denoisers::the_smallest_pictures_…`, `metrics`, `mutation::lens` |
 //! | 1 spp | `one_sample_a_pixel_…` |
 //! | NaN, infinite, negative buffers | `denoisers::broken_numbers_…`, unit tests of both denoisers |

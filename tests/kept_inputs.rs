@@ -1,6 +1,7 @@
 //! Files that once made a reader panic, hang or fill the memory (`tests/fuzz/kept`), and those that fuzzing starts from.
 
 #[path = "fuzz/input.rs"]
+#[allow(unreachable_pub, reason = "it is public in the fuzz targets, which have the same file")]
 mod input;
 
 use input::Kind;

@@ -2,6 +2,7 @@
 
 mod analytic;
 mod bidirectional;
+mod budgets;
 mod buffers;
 mod cli;
 mod consistency;
@@ -11,6 +12,7 @@ mod determinism;
 mod emission;
 mod equal_energy;
 mod extremes;
+mod inspect;
 mod kept_inputs;
 mod markov;
 mod rays;

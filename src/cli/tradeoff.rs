@@ -14,7 +14,23 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
+/// What stands in the table, for `--help`.
+const COLUMNS: &str = "\
+Columns of scores.csv, a row for each scene, integrator, denoiser and sample count; low and high are the ends of 95 % \
+confidence intervals over seeds, and what is not known is empty:
+  scene, width, height, integrator, denoiser, samples, seeds
+  render_seconds, denoise_seconds, seconds (both), seconds_low, seconds_high: wall time; cpu_seconds: of all threads
+  relative_l2, relative_l2_low, relative_l2_high: error, the noise of the reference taken out
+  bias2, variance: its parts
+  reference_noise: relative L2 of the reference; is_known: is the error above it?
+  is_on_front: does no other row of the scene beat this one in both seconds and relative_l2?
+  one_minus_ssim, psnr (dB), flip: against the mean of the reference's halves
+  invalid_samples: non-finite samples dropped
+
+Every measured picture is kept, 12 bytes a pixel before compression: choose --width accordingly.";
+
 #[derive(Args, Debug)]
+#[command(after_long_help = COLUMNS)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct Tradeoff {
     #[command(subcommand)]

@@ -4,7 +4,8 @@ use super::memory;
 use super::method;
 use super::sampled::Sampled;
 use super::{Budget, FEATURE_SAMPLES, RenderSettings};
-use crate::scene::Scene;
+use crate::film::Film;
+use crate::scene::{Requirements, Scene};
 use quietlight_denoise::{Denoiser, Error, Layers};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -19,6 +20,20 @@ const PATCHES: usize = 64;
 /// The least uncertainty of a prediction: that of a machine which does other things, too.
 const LEAST_UNCERTAINTY: f64 = 0.1;
 
+/// Bytes a pixel beside film and layers: counts, and what is copied while layers are made and written. The Cornell box took
+/// 983 bytes a pixel in all, at 512×512 as at 1536×1024.
+const BESIDE: u64 = 42;
+
+/// Bytes that the balanced networks take, by tile and pixel of it, in pixels of at most so large a tile, and by pixel of the
+/// picture. Fits the peaks of the Cornell box at 256×256 to 1024×1024 to within 20 %: onnxruntime keeps more or less.
+const NETWORKS: [u64; 4] = [90_000_000, 850, 1 << 20, 100];
+
+/// Bytes a pixel that the cross-bilateral filter takes: 732 and 756 in the Cornell box at 768×768 and 1536×1024.
+const BILATERAL: u64 = 745;
+
+/// The uncertainty where there is one measurement only.
+const UNKNOWN: f64 = 0.5;
+
 /// What a render costs in wall time, on the threads that the probe ran on, and in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cost {
@@ -30,8 +45,10 @@ pub struct Cost {
     pub seconds_per_feature_per_pixel: f64,
     /// Pixels of the picture.
     pub pixels: u64,
-    /// Bytes of the film and of the layers made of it.
+    /// Most bytes at once while it renders: of films, and of the layers made of them.
     pub bytes: u64,
+    /// Bytes of the layers, which stay.
+    pub layer_bytes: u64,
     /// Two standard errors of the seconds, relative; at least a tenth.
     pub uncertainty: f64,
 }
@@ -55,7 +72,7 @@ impl Cost {
         // Where not all features are taken, each sample comes with its own.
         let each = self.seconds_per_sample_per_pixel + self.seconds_per_feature_per_pixel;
         let few = ((seconds - self.fixed_seconds) / pixels / each.max(1e-15)) as u32;
-        if few < FEATURE_SAMPLES { few } else { after(FEATURE_SAMPLES) }
+        if few < FEATURE_SAMPLES { few } else { after(FEATURE_SAMPLES).max(FEATURE_SAMPLES) }
     }
 }
 
@@ -65,8 +82,9 @@ impl Cost {
 ///
 /// Memory of the method's own that does not grow with the picture is not counted.
 pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost {
-    let bytes = memory::bytes(scene, settings);
     let pixels = scene.film.crop_pixels();
+    let bytes = memory::bytes(scene, settings) + BESIDE * pixels;
+    let layers = Film::layer_bytes(scene.film, &Requirements::of(scene));
     if settings.integrator.is_path() {
         let Patches { per_sample, per_pixel, uncertainty } = patches(scene, settings, length);
         return Cost {
@@ -75,6 +93,7 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
             seconds_per_feature_per_pixel: 0.0,
             pixels,
             bytes,
+            layer_bytes: layers,
             uncertainty,
         };
     }
@@ -86,6 +105,7 @@ pub fn cost(scene: &Scene, settings: &RenderSettings, length: Duration) -> Cost 
         seconds_per_feature_per_pixel: features.per_sample,
         pixels,
         bytes,
+        layer_bytes: layers,
         uncertainty: rounds.uncertainty,
     }
 }
@@ -97,6 +117,8 @@ pub struct DenoisingCost {
     pub fixed_seconds: f64,
     /// Seconds of a pixel.
     pub seconds_per_pixel: f64,
+    /// Bytes beside the layers, for the whole picture.
+    pub bytes: u64,
 }
 
 impl DenoisingCost {
@@ -131,7 +153,15 @@ pub fn denoising(
     let seconds_per_pixel =
         if more > 0.0 { (longer - warm).max(0.0) / more } else { longer / pixels(&large) };
     let fixed_seconds = (cold - seconds_per_pixel * pixels(&small)).max(0.0);
-    Ok(DenoisingCost { fixed_seconds, seconds_per_pixel })
+    let pixels = scene.film.crop_pixels();
+    let bytes = match denoiser {
+        Denoiser::Bilateral { .. } => BILATERAL * pixels,
+        Denoiser::Kpcn { .. } => {
+            let [fixed, of_tile, tile, of_picture] = NETWORKS;
+            fixed + of_tile * pixels.min(tile) + of_picture * pixels
+        }
+    };
+    Ok(DenoisingCost { fixed_seconds, seconds_per_pixel, bytes })
 }
 
 /// The layers of a square in the middle of the picture, or of all of a smaller one, at two samples per pixel.
@@ -237,13 +267,13 @@ fn rounds(scene: &Scene, settings: &RenderSettings, length: Duration) -> Rounds 
     let (method, second) = prepare(many);
     let growth = ((second - first) / f64::from(many - few)).max(0.0);
     let Some(mut method) = method else {
-        return Rounds { fixed: 0.0, per_sample: 0.0, uncertainty: 1.0 };
+        return Rounds { fixed: 0.0, per_sample: 0.0, uncertainty: UNKNOWN };
     };
     let start = Instant::now();
     // Seconds and samples of each round.
     let mut rounds: Vec<(f64, f64)> = Vec::new();
     let mut done = 0;
-    while rounds.len() < 2 || start.elapsed() < length {
+    while rounds.len() < 3 || start.elapsed() < length {
         let round = Instant::now();
         // Never the last one, which may end elsewhere than the others.
         method.round(u32::MAX / 2);
@@ -264,7 +294,7 @@ fn rounds(scene: &Scene, settings: &RenderSettings, length: Duration) -> Rounds 
     Rounds {
         fixed: (first - growth).max(0.0) + once,
         per_sample: per_sample + growth / scene.film.crop_pixels().max(1) as f64,
-        uncertainty: two_standard_errors(&rates, 0.0).clamp(2.0 * LEAST_UNCERTAINTY, 1.0),
+        uncertainty: two_standard_errors(&rates, 0.0).max(2.0 * LEAST_UNCERTAINTY),
     }
 }
 
@@ -273,9 +303,45 @@ fn two_standard_errors(values: &[f64], part: f64) -> f64 {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count.max(1.0);
     if values.len() < 2 || mean <= 0.0 {
-        return 1.0;
+        return UNKNOWN;
     }
     let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
     let error = (variance / count * (1.0 - part).max(0.0)).sqrt();
     (2.0 * error / mean).max(LEAST_UNCERTAINTY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COST: Cost = Cost {
+        fixed_seconds: 2.0,
+        seconds_per_sample_per_pixel: 1e-6,
+        seconds_per_feature_per_pixel: 5e-7,
+        pixels: 1_000_000,
+        bytes: 0,
+        layer_bytes: 0,
+        uncertainty: 0.1,
+    };
+
+    #[test]
+    fn seconds_and_samples_are_each_others_inverse() {
+        for samples in [1, 3, 15, 16, 17, 1000] {
+            // A millionth more, for what rounding takes away.
+            let seconds = COST.seconds(samples) + 1e-6;
+            assert_eq!(COST.samples(seconds), samples, "{seconds}");
+            assert_eq!(COST.samples(seconds - 0.01), samples - 1, "{seconds}");
+        }
+        assert_eq!(COST.seconds(100), 2.0 + 100.0 + 8.0);
+        assert_eq!(COST.samples(1.0), 0);
+    }
+
+    #[test]
+    fn the_error_of_a_mean_is_of_what_was_not_measured() {
+        // 1 and 3: mean 2, standard deviation √2, standard error 1, twice that relative to the mean 1.
+        assert_eq!(two_standard_errors(&[1.0, 3.0], 0.0), 1.0);
+        assert_eq!(two_standard_errors(&[1.0, 3.0], 0.75), 0.5);
+        assert_eq!(two_standard_errors(&[1.0, 3.0], 1.0), LEAST_UNCERTAINTY);
+        assert_eq!(two_standard_errors(&[1.0], 0.0), UNKNOWN);
+    }
 }

@@ -40,9 +40,9 @@ pub enum Ending {
 
 impl Target {
     /// Goes on with `rendering` until `judge` estimates an error of at most the target. `advance` goes on until there are so
-    /// many samples per pixel, or `stop` is true. `judge` gets the samples per pixel
-    /// and the layers, and tells the relative L2 of the picture made of them, if it can; it is not called on the threads of `threads`. What it says last is
-    /// of the layers as they are at the end, unless that was stopped.
+    /// many samples per pixel, or `stop` is true. `judge` gets the samples per pixel and the layers, and tells the relative L2
+    /// of the picture made of them, if it can; it is not called on the threads of `threads`. What it says last is of the layers
+    /// as they are at the end, unless that was stopped.
     ///
     /// # Errors
     /// Those of `judge`, as they come.

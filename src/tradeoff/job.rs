@@ -1,7 +1,9 @@
 //! Measuring: which units are missing, and one after the other until they are there.
 
-use super::settings::{Filter, ReferenceBudget, Request, Settings};
-use super::unit::{Unit, Workshop};
+use super::request::{REFERENCE_FACTOR, Request};
+use super::settings::{Filter, ReferenceBudget, Settings};
+use super::unit::Unit;
+use super::workshop::Workshop;
 use super::{Error, at};
 use crate::dataset::Shard;
 use crate::render::{Budget, RenderSettings, render};
@@ -127,7 +129,7 @@ impl Plan {
             (Unit::Run { .. }, _) => most,
             (Unit::Reference { .. }, ReferenceBudget::Samples(samples)) => samples,
             (Unit::Reference { .. }, ReferenceBudget::Seconds(_)) => {
-                most.saturating_mul(super::settings::REFERENCE_FACTOR / 2)
+                most.saturating_mul(REFERENCE_FACTOR / 2)
             }
         };
         u64::from(scene.width) * u64::from(scene.height) * u64::from(samples)

@@ -1,26 +1,31 @@
 //! The trade of speed for accuracy, measured: integrators × sample counts × denoisers, each replicated over seeds, against a
 //! converged reference; scores, a Pareto front, and what to choose.
 //!
-//! A measurement is a folder. Its `plan.json` holds the [`Settings`]; each [`unit`] of work, a half of a reference or one seed
+//! A measurement is a folder. Its `plan.json` holds the [`Settings`]; each unit of work ([`mod@unit`]), a half of a reference or one seed
 //! of one integrator, has a folder of its own with pictures, and a record that the times stand in. A unit is there whole or
 //! not at all, any machine can make any of them, and folders put together ([`merge`]) are what one process makes. What is
 //! told of them ([`scores`], [`page`]) comes from the folder alone.
 
 pub mod curve;
 mod job;
+mod judge;
 pub mod merge;
 pub mod page;
 mod pictures;
+mod request;
 pub mod scores;
 pub mod settings;
 pub mod statistics;
 mod table;
 pub mod unit;
 mod verdict;
+mod words;
+mod workshop;
 
 pub use job::{Job, Outcome, Plan};
+pub use request::{REFERENCE_FACTOR, Request};
 pub use scores::Scores;
-pub use settings::{Filter, Method, ReferenceBudget, Request, Settings};
+pub use settings::{Filter, Method, ReferenceBudget, Settings};
 pub use verdict::{Choice, Standing, Verdict};
 
 use std::path::{Path, PathBuf};

@@ -5,7 +5,8 @@ use super::pictures::Pictures;
 use super::scores::{Combination, Point, SceneScores};
 use super::settings::{Filter, Method};
 use super::statistics::Estimate;
-use super::verdict::{self, relative_l2};
+use super::verdict;
+use super::words::{relative_l2, seconds as time};
 use super::{CSV, Error, JSON, PAGE, Scores, at};
 use askama::Template;
 use quietlight_denoise::{atomic, png};
@@ -235,15 +236,12 @@ fn view<'a>(scene: &'a SceneScores, pictures: &Pictures) -> SceneView<'a> {
         first,
         second,
         reference.integrator,
-        verdict::seconds(reference.seconds),
+        time(reference.seconds),
         relative_l2(reference.noise)
     );
     let mut notes = Vec::new();
     if let Some(last) = scene.verdict.choices.last() {
-        notes.push(format!(
-            "The most samples that fit into {}, first seed.",
-            verdict::seconds(last.seconds)
-        ));
+        notes.push(format!("The most samples that fit into {}, first seed.", time(last.seconds)));
     }
     if pictures.exposure != 0 {
         notes.push(format!("Shown {:+} stops brighter.", pictures.exposure));
@@ -291,7 +289,7 @@ fn choice_view(choice: &verdict::Choice, scene: &SceneScores) -> ChoiceView {
         None => String::new(),
     };
     ChoiceView {
-        seconds: verdict::seconds(choice.seconds),
+        seconds: time(choice.seconds),
         take: choice.take.to_string(),
         error: error_of(choice.take).map_or_else(String::new, relative_l2),
         note,
@@ -300,25 +298,26 @@ fn choice_view(choice: &verdict::Choice, scene: &SceneScores) -> ChoiceView {
 }
 
 fn reaches(scene: &SceneScores) -> Vec<ReachView> {
-    let time = |reach: &Reach| match *reach {
+    let reached = |reach: &Reach| match *reach {
         Reach::After(seconds) | Reach::Within(seconds) => seconds,
         Reach::Not(_) => f64::INFINITY,
     };
     let best = |target: usize| {
-        let times = scene.curves.iter().filter_map(|curve| curve.reach[target].as_ref()).map(time);
+        let times =
+            scene.curves.iter().filter_map(|curve| curve.reach[target].as_ref()).map(reached);
         times.fold(f64::INFINITY, f64::min)
     };
     let fastest: Vec<f64> = (0..scene.targets.len()).map(best).collect();
     let cell = |(target, reach): (usize, &Option<Reach>)| Cell {
         text: match reach {
             None => "not known".to_owned(),
-            Some(Reach::After(seconds)) => verdict::seconds(*seconds),
-            Some(Reach::Within(seconds)) => format!("≤ {}", verdict::seconds(*seconds)),
-            Some(Reach::Not(seconds)) => format!("> {}", verdict::seconds(*seconds)),
+            Some(Reach::After(seconds)) => time(*seconds),
+            Some(Reach::Within(seconds)) => format!("≤ {}", time(*seconds)),
+            Some(Reach::Not(seconds)) => format!("> {}", time(*seconds)),
         },
-        is_best: reach
-            .as_ref()
-            .is_some_and(|reach| !matches!(reach, Reach::Not(_)) && time(reach) <= fastest[target]),
+        is_best: reach.as_ref().is_some_and(|reach| {
+            !matches!(reach, Reach::Not(_)) && reached(reach) <= fastest[target]
+        }),
     };
     let row = |curve: &super::scores::CurveScores| ReachView {
         integrator: curve.combination.integrator.name(),
@@ -346,7 +345,7 @@ fn row(scene: &SceneScores, index: usize, point: &Point) -> RowView {
         integrator: point.combination.integrator.name(),
         denoiser: point.combination.denoiser.name(),
         samples: point.samples,
-        seconds: verdict::seconds(point.seconds.mean),
+        seconds: time(point.seconds.mean),
         error: format!("{:.2e}", point.error.mean),
         interval: ends(&point.error, relative_l2),
         bias,

@@ -1,10 +1,11 @@
 //! Pictures of a scene for the page: what some combinations give in the same time, and where they are off.
 
 use super::Error;
-use super::scores::{Combination, Point, SceneScores, decimal};
+use super::scores::{Combination, Point, SceneScores};
 use super::settings::Filter;
 use super::statistics::Reference;
 use super::unit::{ReferenceHalf, Unit};
+use super::words::decimal;
 use crate::dataset::exposure::gain;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

@@ -1,9 +1,10 @@
 //! What to choose on a scene, and why, in words with the numbers that decide it.
 
 use super::curve::{Curve, Level, Reach};
-use super::scores::{Combination, Point, ReferenceScores, decimal};
+use super::scores::{Combination, Point, ReferenceScores};
 use super::settings::Filter;
 use super::statistics::Estimate;
+use super::words::{decimal, factor, relative_l2, seconds};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -324,127 +325,5 @@ impl Judge<'_> {
     }
 }
 
-/// A time for a sentence: two digits.
-pub(super) fn seconds(time: f64) -> String {
-    let rounded = two_digits(time);
-    match rounded {
-        time if time >= 600.0 => format!("{:.0} min", time / 60.0),
-        time if time < 0.0095 => format!("{} ms", two_digits(1000.0 * time)),
-        time => format!("{time} s"),
-    }
-}
-
-/// An error for a sentence: two digits.
-pub(super) fn relative_l2(error: f64) -> String {
-    if error >= 0.095 { two_digits(error).to_string() } else { format!("{error:.1e}") }
-}
-
-/// The number nearest with two digits that count.
-fn two_digits(number: f64) -> f64 {
-    format!("{number:.1e}").parse().unwrap_or(number)
-}
-
-fn factor(factor: f64) -> String {
-    if factor < 10.0 { format!("{factor:.1}") } else { format!("{factor:.0}") }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::super::curve::Place;
-    use super::super::settings::Method;
-    use super::*;
-
-    const PATH: Combination = Combination { integrator: Method::Path, denoiser: Filter::None };
-    const ERPT: Combination = Combination { integrator: Method::Erpt, denoiser: Filter::None };
-
-    fn point(combination: Combination, seconds: f64, error: f64, spread: f64) -> Point {
-        let sure = |mean| Estimate { mean, interval: Some([mean, mean]) };
-        Point {
-            combination,
-            samples: 1,
-            seeds: 3,
-            render_seconds: sure(seconds),
-            denoise_seconds: sure(0.0),
-            seconds: sure(seconds),
-            cpu_seconds: None,
-            error: Estimate { mean: error, interval: Some([error - spread, error + spread]) },
-            is_known: true,
-            bias2: Some(0.0),
-            variance: Some(error),
-            one_minus_ssim: None,
-            psnr: sure(30.0),
-            flip: sure(0.1),
-            invalid_samples: 0,
-            picture: "x.exr".into(),
-        }
-    }
-
-    /// Path tracing with error 1/t from a tenth of a second to ten, and energy redistribution with 0.5/t from one to ten.
-    fn verdict(auto: Combination, spread: f64) -> Verdict {
-        let mut points = Vec::new();
-        for time in [0.1, 1.0, 10.0] {
-            points.push(point(PATH, time, 1.0 / time, spread / time));
-            if time >= 1.0 {
-                points.push(point(ERPT, time, 0.5 / time, spread / time));
-            }
-        }
-        let mut curves: BTreeMap<Combination, Curve> = BTreeMap::new();
-        for one in [PATH, ERPT] {
-            let of = points.iter().filter(|point| point.combination == one);
-            let place =
-                |point: &Point| Place { seconds: point.seconds.mean, error: point.error.mean };
-            curves.insert(one, Curve::new(of.map(place).collect(), 1e-9));
-        }
-        let reference = ReferenceScores {
-            integrator: "path".into(),
-            reason: "walks find it".into(),
-            samples: [8, 8],
-            seconds: 1.0,
-            noise: 1e-9,
-        };
-        Verdict::of(&curves, &points, auto, &reference)
-    }
-
-    #[test]
-    fn the_choice_changes_with_the_budget() {
-        let verdict = verdict(ERPT, 0.01);
-        assert_eq!(
-            verdict.headline,
-            "Up to 0.5 s, take path, not denoised; beyond that, erpt, not denoised."
-        );
-        let budgets: Vec<f64> = verdict.choices.iter().map(|choice| choice.seconds).collect();
-        assert_eq!(budgets, [0.1, 0.5, 1.0, 5.0, 10.0]);
-        let last = verdict.choices.last().unwrap();
-        assert!(last.is_clear && (last.error - 0.05).abs() < 1e-12, "{last:?}");
-        let (rival, error) = last.rival.unwrap();
-        assert!(rival == PATH && (error - 0.1).abs() < 1e-12, "{last:?}");
-        assert_eq!(verdict.standing, Standing::Right);
-        assert!(
-            verdict.auto.ends_with(": right (as good as the best at 3 of 5 budgets)."),
-            "{verdict:?}"
-        );
-    }
-
-    #[test]
-    fn auto_is_wrong_where_the_seeds_tell_another_apart_and_only_there() {
-        let clear = verdict(PATH, 0.01);
-        assert_eq!(clear.standing, Standing::Wrong);
-        assert!(
-            clear
-                .auto
-                .contains("after 10 s leaves 2.0 times as much as the best (0.1 against 5.0e-2"),
-            "{}",
-            clear.auto
-        );
-        // Intervals of 0.3/t around 1/t and 0.5/t overlap: they may be the same, and the one may be twice the other.
-        let open = verdict(PATH, 0.3);
-        assert!(open.standing == Standing::Open && !open.choices[4].is_clear, "{open:?}");
-    }
-
-    #[test]
-    fn numbers_are_said_as_people_say_them() {
-        let said = [0.0012, 0.05, 0.123_46, 1.0, 2.34, 12.3, 123.0, 1234.0].map(seconds);
-        assert_eq!(said, ["1.2 ms", "0.05 s", "0.12 s", "1 s", "2.3 s", "12 s", "120 s", "20 min"]);
-        assert_eq!([8.234, 0.1, 0.004_56].map(relative_l2), ["8.2", "0.1", "4.6e-3"]);
-    }
-}
+mod tests;

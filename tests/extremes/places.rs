@@ -53,11 +53,11 @@ fn cameras_inside_glass_inside_a_light_and_on_a_surface_see_something_finite() {
 #[test]
 fn degenerate_triangles_light_nothing() {
     // A lamp of one sound triangle among one of no area, one with a vertex twice, a sliver
-    // of 2e8 : 1 and one with a NaN, over a floor. The sliver shines, with all of its 1e-8.
+    // of 4e6 : 1, a few units in the last place high, and one with a NaN, over a floor. The sliver shines, with all of its area.
     let scene = |triangles: &str| {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let obj = format!(
-            "v -1 1.5 -3\nv 1 1.5 -3\nv 0 1.5 -4\nv 0 1 -3\nv 2 1 -3\nv 4 1 -3\nv 0 1 -3.00000001\nv nan 0 0\n{triangles}"
+            "v -1 1.5 -3\nv 1 1.5 -3\nv 0 1.5 -4\nv 0 1 -3\nv 2 1 -3\nv 4 1 -3\nv 0 1 -3.0000004\nv nan 0 0\n{triangles}"
         );
         std::fs::write(folder.path().join("mesh.obj"), obj).expect("the mesh is written");
         let text = format!(

@@ -75,12 +75,9 @@ impl Costs {
 
     /// Most memory at once, in bytes.
     fn peak(&self) -> u64 {
-        let denoiser = match self.denoising {
-            Some((_, "kpcn")) => KPCN_FIXED + KPCN_PER_PIXEL * self.render.pixels,
-            Some(_) => BILATERAL_PER_PIXEL * self.render.pixels,
-            None => 0,
-        };
-        self.resident.unwrap_or(0) + self.render.bytes + denoiser
+        let of_denoiser = self.denoising.map_or(0, |(cost, _)| cost.bytes);
+        let most = self.render.bytes.max(self.render.layer_bytes + of_denoiser);
+        self.resident.unwrap_or(0) + most
     }
 
     pub(super) fn json(&self) -> Value {
@@ -157,9 +154,3 @@ fn seconds(seconds: f64) -> String {
         short => format!("{:.1} ms", 1e3 * short),
     }
 }
-
-/// What the networks of balanced quality take: measured.
-const KPCN_FIXED: u64 = 0;
-const KPCN_PER_PIXEL: u64 = 0;
-/// What the cross-bilateral filter takes: measured.
-const BILATERAL_PER_PIXEL: u64 = 0;

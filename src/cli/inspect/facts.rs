@@ -134,7 +134,11 @@ impl Facts {
         );
         say("images", self.images());
         let power = inventory.power.map_or(String::new(), |[low, high]| {
-            format!("; {} to {} W, 1:{}", number(low), number(high), number(high / low))
+            let high = number(high);
+            match number(low) {
+                low if low == high => format!("; {high} W"),
+                low => format!("; {low} to {high} W"),
+            }
         });
         say("emitters", format!("{}{power}", listed(&inventory.emitters)));
         say("light", light(survey));

@@ -15,7 +15,7 @@ const CONFIG = { responsive: true, displaylogo: false, displayModeBar: "hover", 
 const distinct = (list) => [...new Set(list)];
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
 const seconds = (time) => (time >= 100 ? time.toFixed(0) : time.toPrecision(3)) + " s";
-const error = (value) => value.toExponential(2);
+const error = (value) => (value >= 0.0995 ? value.toPrecision(3) : value.toExponential(2));
 const label = (point) => point.integrator + (point.denoiser === "none" ? ", not denoised" : " + " + point.denoiser);
 
 function axes(yTitle, points) {
