@@ -30,7 +30,7 @@ fn request() -> Request {
         width: Some(PIXELS),
         integrators: vec![Method::Path, Method::Bdpt],
         denoisers: vec![Filter::None, Filter::Bilateral],
-        samples: vec![4, 1, 2, 4],
+        samples: vec![8, 1, 2, 8],
         seeds: 2,
         seed: 3,
         reference: Some(ReferenceBudget::Samples(64)),
@@ -108,16 +108,17 @@ fn shards_put_together_and_a_measurement_that_was_interrupted_are_what_one_run_m
     assert_eq!(merge(merged.path(), &inputs).expect("the shards fit").copied, 12);
     assert_eq!(merge(merged.path(), &inputs).expect("once more").already_there, 12);
 
-    // Stopped in the middle of the ninth unit, and gone on with.
+    // Stopped in the first sample of the first run, and gone on with: four halves of references take 32 samples each, and
+    // eight runs 8.
     let (calls, stop) = (AtomicU64::new(0), AtomicBool::new(false));
     let plan = job(stopped.path(), "0/1").plan().expect("the plan is sound");
-    let share = plan.work() * 3 / 4;
+    let share = plan.work() * (4 * 32) / (4 * 32 + 8 * 8);
     let heard = |done: u64| {
         calls.fetch_max(done, Ordering::Relaxed);
         stop.fetch_or(done > share, Ordering::Relaxed);
     };
     let outcome = plan.run(&threads(), &heard, &stop).expect("what there is stays");
-    assert!(outcome.is_interrupted && (1..12).contains(&outcome.made), "{outcome:?}");
+    assert_eq!(outcome, Outcome { made: 4, is_interrupted: true });
     let plan = job(stopped.path(), "0/1").plan().expect("the plan is sound");
     assert_eq!((plan.complete, plan.len()), (outcome.made, 12 - outcome.made));
     let part = scores(stopped.path());
@@ -139,7 +140,7 @@ fn other_settings_are_refused_and_more_seeds_are_added(whole: &Path) {
     let other = Request { samples: vec![1, 2], ..request() };
     let refused = Job { request: other, ..job(whole, "0/1") }.plan();
     let Err(Error::Settings { differences, .. }) = refused else { panic!("{refused:?}") };
-    assert!(differences.contains("samples [1, 2, 4] there, [1, 2] here"), "{differences}");
+    assert!(differences.contains("samples [1, 2, 8] there, [1, 2] here"), "{differences}");
     let wider = Request { width: Some(16), ..request() };
     assert!(matches!(
         Job { request: wider, ..job(whole, "0/1") }.plan(),
