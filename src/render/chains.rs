@@ -282,7 +282,13 @@ impl Splats {
             let b = self.normalisation[half].0;
             if mutations > 0.0 { b * self.pixels as f64 / mutations } else { 0.0 }
         });
-        Scale { half, weight: [0.5; 2] }
+        let weight = match self.mutations {
+            // So few that one half has none.
+            [_, 0] => [1.0, 0.0],
+            [0, _] => [0.0, 1.0],
+            _ => [0.5; 2],
+        };
+        Scale { half, weight }
     }
 
     /// Mutations of the whole picture.
