@@ -88,12 +88,16 @@ impl Spending<'_> {
         let looks = if estimates { 3.0 } else { 1.0 };
         let left = total - start.elapsed().as_secs_f64() - looks * after.denoising - after.writing;
         let least = SHARE_OF_RENDERING * total;
-        let note = (left < least).then(|| {
-            format!(
-                "warning: what is done beside rendering takes {:.1} s: {total:.1} s are not enough",
-                total - left
-            )
-        });
+        let note = if left < least {
+            let taken = total - left;
+            Some(format!(
+                "warning: what is done beside rendering takes {taken:.1} s: {total:.1} s are not enough"
+            ))
+        } else if !estimates && !self.arguments.no_estimate {
+            Some("the error is not estimated: that would take too much of the time".to_owned())
+        } else {
+            None
+        };
         let budget = Budget::Time(Duration::from_secs_f64(left.max(least)));
         let rendered = self.render(RenderSettings { budget, ..self.settings }, denoiser)?;
         let finished = self.finish(denoiser, &rendered.layers, estimates)?;
