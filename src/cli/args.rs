@@ -1,9 +1,18 @@
 //! What can be typed.
 
+mod choices;
+mod values;
+
+pub(super) use choices::{
+    Denoiser, Integrator, Marks, Mutation, Quality, Sampler, Strategy, Walks,
+};
+pub(super) use values::{Interval, time};
+
 use crate::render::Shard;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::time::Duration;
+use values::{definition, denoiser, factor, interval, noise, replay, size, target};
 
 /// Renders a scene by Monte Carlo path tracing and takes the noise out.
 #[derive(Debug, Parser)]
@@ -349,172 +358,6 @@ pub(super) struct Inspect {
     pub(super) json: bool,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Denoiser {
-    /// The best there is: `kpcn`, or `bilateral` where the networks cannot run
-    #[default]
-    Auto,
-    /// Leave the noise in
-    None,
-    /// Cross-bilateral filter with learned parameters
-    Bilateral,
-    /// The same filter with constant parameters
-    BilateralConstant,
-    /// Kernel-predicting neural networks, run by onnxruntime
-    Kpcn,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Quality {
-    /// The smallest networks: at most a second of CPU a megapixel
-    Fast,
-    /// At most three seconds of CPU a megapixel
-    #[default]
-    Balanced,
-    /// The largest networks: at most twenty seconds of CPU a megapixel
-    High,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Integrator {
-    /// The best for the scene, as `inspect` tells
-    #[default]
-    Auto,
-    /// Path tracing: walks from the camera
-    Path,
-    /// Bidirectional path tracing: walks from the camera and from emitters, joined in every way
-    Bdpt,
-    /// Metropolis sampling in primary sample space (Kelemen et al.)
-    Pssmlt,
-    /// Metropolis light transport: mutations of whole paths (Veach and Guibas)
-    Mlt,
-    /// Energy redistribution path tracing: short chains from path-traced seeds (Cline et al.)
-    Erpt,
-    /// Correlated visibility sampling of direct light, path tracing of all other light
-    Visibility,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Mutation {
-    /// Another piece of another length: reaches every path
-    Bidirectional,
-    /// Another place on the film
-    Lens,
-    /// Another direction of light before its last smooth surface
-    Caustic,
-    /// Another place on the film, and other directions between mirrors
-    MultiChain,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Marks {
-    /// Camera rays of their own: unbiased
-    #[default]
-    Pilot,
-    /// The camera rays that they mark: costs nothing, and is biased, less so with more rays
-    Same,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Walks {
-    /// From the camera and from emitters, as bidirectional path tracing
-    #[default]
-    Both,
-    /// From the camera, as path tracing
-    Camera,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Sampler {
-    /// Owen-scrambled Sobol points
-    #[default]
-    Sobol,
-    /// Independent random numbers
-    Independent,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Strategy {
-    /// Choosing points on emitters and walking into them, weighted
-    #[default]
-    Mis,
-    /// Only choosing points on emitters
-    Light,
-    /// Only walking into emitters
-    Bsdf,
-}
-
-/// Reads a [`Denoiser`] that takes noise out.
-fn denoiser() -> impl clap::builder::TypedValueParser<Value = Denoiser> {
-    use clap::builder::{PossibleValuesParser, TypedValueParser};
-
-    PossibleValuesParser::new(["auto", "bilateral", "bilateral-constant", "kpcn"])
-        .try_map(|name| Denoiser::from_str(&name, false))
-}
-
-/// How often something is done; `None` is never.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Interval(pub(super) Option<Duration>);
-
-/// Reads a time, or `off`.
-fn interval(text: &str) -> Result<Interval, String> {
-    if text == "off" { Ok(Interval(None)) } else { time(text).map(|time| Interval(Some(time))) }
-}
-
-/// Reads a time with its unit; seconds where there is none.
-pub(super) fn time(text: &str) -> Result<Duration, String> {
-    let units = [("ms", 1e-3), ("s", 1.0), ("m", 60.0), ("h", 3600.0)];
-    let (number, seconds) = units
-        .iter()
-        .find_map(|&(unit, seconds)| Some((text.strip_suffix(unit)?, seconds)))
-        .unwrap_or((text, 1.0));
-    let expected = || format!("expected a time such as 30s, 2.5m or 1h, not {text:?}");
-    let number: f64 = number.trim().parse().map_err(|_| expected())?;
-    let time = Duration::try_from_secs_f64(number * seconds).map_err(|_| expected())?;
-    if time.is_zero() { Err(expected()) } else { Ok(time) }
-}
-
-fn definition(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
-        _ => Err("expected NAME=VALUE".to_owned()),
-    }
-}
-
-fn noise(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|noise: &f64| *noise >= 0.0 && noise.is_finite())
-        .ok_or_else(|| "expected zero or a positive number, such as 0.001".to_owned())
-}
-
-fn target(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|error: &f64| *error > 0.0 && error.is_finite())
-        .ok_or_else(|| "expected a positive number, such as 0.005".to_owned())
-}
-
-fn factor(text: &str) -> Result<f32, String> {
-    text.parse()
-        .ok()
-        .filter(|factor: &f32| *factor >= 1.0 && factor.is_finite())
-        .ok_or_else(|| "expected a number of at least 1, such as 3".to_owned())
-}
-
-fn size(text: &str) -> Result<(u32, u32), String> {
-    text.split_once('x')
-        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)))
-        .filter(|&(width, height)| width > 0 && height > 0)
-        .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 640x480".to_owned())
-}
-
-fn replay(text: &str) -> Result<[u32; 3], String> {
-    let numbers: Vec<u32> =
-        text.split(',').map_while(|number| number.trim().parse().ok()).collect();
-    numbers.try_into().map_err(|_| "expected three whole numbers: column,row,sample".to_owned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -523,15 +366,5 @@ mod tests {
     #[test]
     fn the_arguments_are_well_formed() {
         Arguments::command().debug_assert();
-    }
-
-    #[test]
-    fn values_that_do_not_parse_are_refused() {
-        assert_eq!(size("640x480"), Ok((640, 480)));
-        assert!(size("0x4").is_err() && size("640").is_err());
-        assert_eq!(definition("a=b=c"), Ok(("a".to_owned(), "b=c".to_owned())));
-        assert!(definition("=1").is_err() && definition("a").is_err());
-        assert_eq!(replay("1, 2,3"), Ok([1, 2, 3]));
-        assert!(replay("1,2").is_err() && replay("1,2,x").is_err());
     }
 }
