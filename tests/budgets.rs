@@ -226,3 +226,32 @@ fn adaptive_pictures_have_all_layers_and_whole_counts() {
         assert_eq!(render(&refused, folder.path()).1.status.code(), Some(2));
     }
 }
+
+#[test]
+fn merged_adaptive_pictures_are_weighted_by_what_was_not_found() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut pictures = Vec::new();
+    for (seed, samples) in [("1", "16"), ("2", "48")] {
+        let asked = ["--adaptive", "--seed", seed, "--spp", samples, "--halves"];
+        let (outcome, done) = render(&asked, folder.path());
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let name = format!("{seed}.exr");
+        std::fs::rename(folder.path().join("out.exr"), folder.path().join(&name)).expect("renamed");
+        let contents = exr::read(&folder.path().join(&name)).expect("the EXR");
+        let samples = outcome["samples"].as_u64().expect("samples") as f32;
+        pictures.push((samples, contents.layers));
+    }
+    let done = Command::new(env!("CARGO_BIN_EXE_quietlight"))
+        .args(["merge", "both.exr", "1.exr", "2.exr", "--denoiser", "none"])
+        .current_dir(folder.path())
+        .output()
+        .expect("the binary runs");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let merged = exr::read(&folder.path().join("both.exr")).expect("the EXR").layers;
+    assert!(merged.metadata.contains_key("adaptive"), "merged again, it is still known");
+    let of = |layers: &quietlight_denoise::Layers| layers.layers[&LayerKind::Beauty].mean.clone();
+    let [(n, a), (m, b)] = &pictures[..] else { unreachable!("two pictures") };
+    let expected = (of(a) * *n + of(b) * *m) / (n + m);
+    let worst = (of(&merged) - &expected) / (&expected + 1e-3);
+    assert!(worst.iter().all(|difference| difference.abs() < 1e-5), "weights are those of counts");
+}

@@ -8,6 +8,7 @@
 //! (Had the samples of a pixel been pooled, its weight would be smaller where the pilot was bright by chance and asked for more:
 //! the picture would be too dark.)
 
+use super::average::ADAPTIVE;
 use super::sampled::Sampled;
 use super::{Budget, RenderSettings, Rendered, Rendering, Report};
 use crate::film::sum_to_beauty;
@@ -115,7 +116,7 @@ pub fn adaptive<E>(
             samples: first + taken.round() as u32,
             invalid_samples: pilot.invalid_samples() + rest.taken().invalid(),
             elapsed: start.elapsed(),
-            report: Report { facts: vec![("adaptive".to_owned(), spread)], ..Report::default() },
+            report: Report { facts: vec![(ADAPTIVE.to_owned(), spread)], ..Report::default() },
         }
     }))
 }

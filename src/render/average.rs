@@ -13,6 +13,9 @@ const SAME: [&str; 5] =
 /// Numbers of the metadata that add up.
 const ADDED: [&str; 3] = ["samples", "invalid_samples", "seconds"];
 
+/// What the metadata of adaptive pictures have, and no others.
+pub(super) const ADAPTIVE: &str = "adaptive";
+
 /// Why pictures cannot be put together.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AverageError {
@@ -172,7 +175,11 @@ impl Average {
             let unknown = |_| AverageError::Unknown { name: name.to_owned(), fact };
             *self.sums.entry(fact).or_default() += number.map_err(unknown)?;
         }
+        let of_one =
+            [&self.metadata, &layers.metadata].iter().find_map(|known| known.get(ADAPTIVE));
+        let adaptive = of_one.cloned();
         self.metadata.retain(|fact, value| layers.metadata.get(fact) == Some(value));
+        self.metadata.extend(adaptive.map(|spread| (ADAPTIVE.to_owned(), spread)));
 
         let weight = weights(name, &layers)?;
         // The first half has the samples of even index.
@@ -251,10 +258,12 @@ fn known<'a>(name: &str, layers: &'a Layers, fact: &'static str) -> Result<&'a s
     value.ok_or_else(|| AverageError::Unknown { name: name.to_owned(), fact })
 }
 
-/// Samples of each pixel: those counted where every sample belongs to a pixel, else mutations per pixel.
+/// Samples of each pixel: those counted where every sample belongs to a pixel, else mutations per pixel. Where the counts of an
+/// adaptive picture tell of what was found, weights by them would not be independent of it: there they are the mean.
 fn weights(name: &str, layers: &Layers) -> Result<Array2<f64>, AverageError> {
-    if let (Some("path"), Some(samples)) =
-        (layers.metadata.get("integrator").map(String::as_str), &layers.samples)
+    let is_even = !layers.metadata.contains_key(ADAPTIVE);
+    if let (true, Some("path"), Some(samples)) =
+        (is_even, layers.metadata.get("integrator").map(String::as_str), &layers.samples)
     {
         return Ok(samples.index_axis(Axis(0), 0).mapv(f64::from));
     }
