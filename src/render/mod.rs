@@ -58,7 +58,7 @@ pub enum SamplerKind {
 pub enum Budget {
     /// Samples per pixel: paths or mutations. Only these give the same bits again.
     Samples(u32),
-    /// Wall time, heeded to within a pass or a round.
+    /// Wall time, heeded to within a pass or half a round.
     Time(Duration),
 }
 

@@ -93,7 +93,7 @@ impl Verdict {
     ) -> Self {
         let judge = Judge { curves, points, auto };
         let choices: Vec<Choice> =
-            budgets(curves).into_iter().filter_map(|seconds| judge.choose(seconds)).collect();
+            budgets(curves, auto).into_iter().filter_map(|seconds| judge.choose(seconds)).collect();
         let Some(last) = choices.last() else { return Self::default() };
         Self {
             headline: headline(&choices),
@@ -105,12 +105,15 @@ impl Verdict {
     }
 }
 
-/// Round times, 1, 2 and 5 times powers of ten, from the first picture to where half of the curves have ended.
-fn budgets(curves: &BTreeMap<Combination, Curve>) -> Vec<f64> {
+/// Round times, 1, 2 and 5 times powers of ten, from the first picture to where half of the curves have ended, or that of `auto`
+/// has: with more samples it might have been better.
+fn budgets(curves: &BTreeMap<Combination, Curve>, auto: Combination) -> Vec<f64> {
     let ranges: Vec<[f64; 2]> = curves.values().filter_map(Curve::range).collect();
     let mut ends: Vec<f64> = ranges.iter().map(|range| range[1]).collect();
     ends.sort_by(f64::total_cmp);
     let Some(&end) = ends.get(ends.len() / 2) else { return Vec::new() };
+    let of_auto = curves.get(&auto).and_then(Curve::range);
+    let end = of_auto.map_or(end, |range| end.min(range[1]));
     let start = ranges.iter().fold(f64::INFINITY, |least, range| least.min(range[0]));
     let all: Vec<f64> = (-4..=6)
         .flat_map(|power| [1, 2, 5].map(|one| decimal(one, power)))

@@ -278,7 +278,8 @@ fn a_budget_of_time_is_heeded_by_paths_and_chains() {
         };
         let start = Instant::now();
         let rendered = render_finite(&scene, &settings);
-        // How much longer it takes is the machine's business: at least the time is used, and something done in it.
-        assert!(rendered.samples >= 1 && start.elapsed() >= time, "{} samples", rendered.samples);
+        // How much longer it takes is the machine's business. It ends at most half a round early, and no round is longer than all.
+        let least = time * 2 / 3;
+        assert!(rendered.samples >= 1 && start.elapsed() >= least, "{} samples", rendered.samples);
     }
 }
