@@ -610,6 +610,9 @@ fn killed(render: &[&str], folder: &Path, output: &str, times: u32, most: Durati
             assert!(state.samples() >= kept, "{kept} samples were kept, now {}", state.samples());
             kept = state.samples();
             resumed += 1;
+        } else if folder.join(output).exists() {
+            // It came to its end, and the next one begins anew.
+            kept = 0;
         }
         println!("{time}: killed after {:.3} s; kept: {kept} samples", after.as_secs_f64());
     }
