@@ -13,16 +13,25 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use tempfile::TempDir;
 
+/// What can be read, each with the name of its target and of its folders.
+const KINDS: [(Kind, &str); 5] = [
+    (Kind::Xml, "xml"),
+    (Kind::Obj, "obj"),
+    (Kind::Ply, "ply"),
+    (Kind::Image, "image"),
+    (Kind::Exr, "exr"),
+];
+
 #[test]
 fn no_file_that_fuzzing_found_makes_a_reader_panic() {
     let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz");
     let mut failed = Vec::new();
-    for kind in Kind::ALL {
+    for (kind, name) in KINDS {
         let beside = TempDir::new().expect("a temporary folder");
         kind.prepare(beside.path());
         let mut count = 0;
         for folder in ["seeds", "kept"] {
-            let folder = fuzz.join(folder).join(kind.name());
+            let folder = fuzz.join(folder).join(name);
             for entry in fs::read_dir(&folder).into_iter().flatten() {
                 let path = entry.expect("a folder that can be read").path();
                 let bytes = fs::read(&path).expect("a file that can be read");
@@ -33,7 +42,7 @@ fn no_file_that_fuzzing_found_makes_a_reader_panic() {
                 count += 1;
             }
         }
-        assert!(count > 2, "{} has no files", kind.name());
+        assert!(count > 2, "{name} has no files");
     }
     assert!(failed.is_empty(), "panics on {failed:#?}");
 }

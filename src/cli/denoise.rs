@@ -30,17 +30,11 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
     let start = Instant::now();
     let denoised = denoising::run(&denoiser, &layers, &threads).bad_input()?;
     let seconds = start.elapsed().as_secs_f64();
-    layers.metadata.extend(denoised.facts());
-    layers.error = None;
     let error = match arguments.no_estimate {
         true => None,
         false => denoising::estimate(&denoised, &denoiser, &layers, &threads)?,
     };
-    if let Some(error) = &error {
-        let fact = ("estimated_relative_l2".to_owned(), denoising::in_words(error));
-        layers.metadata.extend([fact]);
-        layers.error = Some(error.map.clone());
-    }
+    denoising::describe(&mut layers, Some(&denoised), error.as_ref());
 
     let output = &arguments.output;
     let png = output.with_extension("png");

@@ -6,6 +6,9 @@ use super::{BadInput, Failure};
 use anyhow::anyhow;
 use quietlight_denoise::{Denoised, Denoiser, Error, ErrorEstimate, Layers, kpcn};
 
+/// Name of the estimated error in the metadata.
+const ESTIMATE: &str = "estimated_relative_l2";
+
 /// The denoiser that the arguments ask for; `None` for none. `auto` falls back on the bilateral filter, with a warning, where
 /// the networks cannot run.
 pub(super) fn choose(
@@ -81,6 +84,18 @@ pub(super) fn estimate(
     let estimate = ErrorEstimate::of(&denoised.image, denoiser, layers, threads, &heard);
     progress.finish();
     Ok(estimate?)
+}
+
+/// Writes into the layers what denoised them and what error is estimated; what an earlier denoiser left is replaced.
+pub(super) fn describe(
+    layers: &mut Layers,
+    denoised: Option<&Denoised>,
+    error: Option<&ErrorEstimate>,
+) {
+    layers.metadata.extend(denoised.into_iter().flat_map(Denoised::facts));
+    layers.metadata.remove(ESTIMATE);
+    layers.metadata.extend(error.map(|error| (ESTIMATE.to_owned(), in_words(error))));
+    layers.error = error.map(|error| error.map.clone());
 }
 
 /// For the metadata and the last line: the estimate and what it lies between.

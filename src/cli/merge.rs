@@ -37,14 +37,7 @@ pub(super) fn run(arguments: &Merge) -> Result<(), Failure> {
         }
         _ => None,
     };
-    if let Some(denoised) = &denoised {
-        layers.metadata.extend(denoised.facts());
-    }
-    if let Some(error) = &error {
-        let fact = ("estimated_relative_l2".to_owned(), denoising::in_words(error));
-        layers.metadata.extend([fact]);
-        layers.error = Some(error.map.clone());
-    }
+    denoising::describe(&mut layers, denoised.as_ref(), error.as_ref());
     let png = output.with_extension("png");
     let options = WriteOptions {
         picture: denoised.as_ref().map(|denoised| &denoised.image),

@@ -72,14 +72,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     rendered.layers.metadata.extend(keeper.notes().clone());
     rendered.layers.metadata.extend([threads_used]);
     describe(&mut rendered);
-    if let Some(denoised) = &denoised {
-        rendered.layers.metadata.extend(denoised.facts());
-    }
-    if let Some(error) = &error {
-        let fact = ("estimated_relative_l2".to_owned(), denoising::in_words(error));
-        rendered.layers.metadata.extend([fact]);
-        rendered.layers.error = Some(error.map.clone());
-    }
+    denoising::describe(&mut rendered.layers, denoised.as_ref(), error.as_ref());
     let png = output.with_extension("png");
     let [left, top, ..] = scene.film.crop.map(|number| number as i32);
     let frame = Frame {

@@ -127,15 +127,8 @@ impl Spending<'_> {
 
     /// Renders adaptively, by the estimated error of the denoised pilot.
     fn adaptive(&self, settings: RenderSettings, denoiser: &Denoiser) -> Result<Rendered, Failure> {
-        let progress = match settings.budget {
-            Budget::Samples(samples) => self.progress(samples),
-            Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
-        };
-        let start = Instant::now();
-        let show = |done| match settings.budget {
-            Budget::Samples(_) => progress.at(done),
-            Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
-        };
+        let progress = self.progress(settings.budget);
+        let show = shown(&progress, settings.budget);
         let judge = |layers: &Layers| -> anyhow::Result<Option<Image>> {
             let denoised = denoising::run(denoiser, layers, self.threads)?;
             let error = denoising::estimate(&denoised, denoiser, layers, self.threads)?;
@@ -148,24 +141,22 @@ impl Spending<'_> {
 
     fn run(&self, settings: RenderSettings) -> Result<Rendering<'_>, Failure> {
         let mut rendering = self.keeper.begin(self.scene, &settings, self.threads)?;
-        let start = Instant::now();
-        let progress = match settings.budget {
-            Budget::Samples(samples) => self.progress(samples),
-            Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
-        };
-        let show = |done| match settings.budget {
-            Budget::Samples(_) => progress.at(done),
-            Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
-        };
+        let progress = self.progress(settings.budget);
+        let show = shown(&progress, settings.budget);
         self.keeper.run(&mut rendering, settings.budget, self.threads, &show);
         progress.finish();
         Ok(rendering)
     }
 
-    fn progress(&self, samples: u32) -> Progress {
-        let total = self.scene.film.crop_pixels() * u64::from(samples);
-        let total = total.div_ceil(u64::from(self.settings.shard.count()));
-        Progress::new("render", "samples", total)
+    fn progress(&self, budget: Budget) -> Progress {
+        match budget {
+            Budget::Samples(samples) => {
+                let total = self.scene.film.crop_pixels() * u64::from(samples);
+                let total = total.div_ceil(u64::from(self.settings.shard.count()));
+                Progress::new("render", "samples", total)
+            }
+            Budget::Time(time) => Progress::new("render", "ms", time.as_millis() as u64),
+        }
     }
 
     /// Denoises the layers and estimates the error, unless the user stopped.
@@ -240,10 +231,10 @@ impl Spending<'_> {
         let settings = RenderSettings { budget: usual, ..self.settings };
         let mut rendering = self.keeper.begin(self.scene, &settings, self.threads)?;
         let mut finished = Finished::default();
-        let progress = self.progress(match most {
+        let progress = self.progress(Budget::Samples(match most {
             Budget::Samples(samples) => samples,
             Budget::Time(_) => MOST_SAMPLES,
-        });
+        }));
         let judge = |samples: u32, layers: &Layers| -> Result<Option<f64>, Failure> {
             finished = self.finish(denoiser, layers, true)?;
             let estimate = match denoiser {
@@ -279,5 +270,14 @@ impl Spending<'_> {
             ),
         };
         Ok(Spent { rendered, finished, note })
+    }
+}
+
+/// Shows progress from now on: samples as they are told, or the time.
+fn shown(progress: &Progress, budget: Budget) -> impl Fn(u64) + Sync {
+    let start = Instant::now();
+    move |done| match budget {
+        Budget::Samples(_) => progress.at(done),
+        Budget::Time(time) => progress.at(start.elapsed().min(time).as_millis() as u64),
     }
 }

@@ -37,22 +37,6 @@ const MAX_DEPTH: u32 = 8;
 const MAX_PIXELS: u64 = 64;
 
 impl Kind {
-    /// All of them.
-    #[allow(dead_code, reason = "only the test goes through all")]
-    pub const ALL: [Self; 5] = [Self::Xml, Self::Obj, Self::Ply, Self::Image, Self::Exr];
-
-    /// The name of its target, and of its folders.
-    #[allow(dead_code, reason = "targets have their name already")]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Xml => "xml",
-            Self::Obj => "obj",
-            Self::Ply => "ply",
-            Self::Image => "image",
-            Self::Exr => "exr",
-        }
-    }
-
     /// Puts into `folder` what files of this kind may name.
     pub fn prepare(self, folder: &Path) {
         let files: [(&str, &[u8]); 5] = [
