@@ -8,7 +8,7 @@
 //!
 //! Each module uses only what stands to its left:
 //! `math ← sampler, geometry, texture ← bsdf, emitter ← scene ← transport ← integrator ← film, render ← dataset, tradeoff ← cli`; Markov chains in
-//! general ([`mcmc`]) stand right of `sampler`. A `bsdf` never sees a scene or a sampler, a `scene` never sees an integrator
+//! general ([`mcmc`]) stand right of `sampler`, folders of long work ([`folder`]) left of `dataset`. A `bsdf` never sees a scene or a sampler, a `scene` never sees an integrator
 //! or a film, and only `cli` prints.
 //!
 //! Deliberately absent: participating media, spectra, hair, motion. A scene that needs them is refused.
@@ -18,6 +18,7 @@ pub mod cli;
 pub mod dataset;
 pub mod emitter;
 pub mod film;
+pub mod folder;
 pub mod geometry;
 pub mod integrator;
 pub mod math;

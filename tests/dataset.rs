@@ -7,6 +7,7 @@ use quietlight::dataset::merge::merge;
 use quietlight::dataset::{
     Error, Job, Manifest, Outcome, Record, Settings, Shard, View, contact_sheet,
 };
+use quietlight::folder;
 use quietlight::render::{Budget, RenderSettings, render};
 use quietlight::scene::{LoadOptions, Scene};
 use quietlight_denoise::picture::read_picture;
@@ -182,7 +183,10 @@ fn sets_that_disagree_are_not_merged() {
     make(job(first.path(), &settings(), 2));
     make(job(other.path(), &Settings { seed: 6, ..settings() }, 2));
     let inputs = [&first, &other].map(|set| set.path().to_path_buf());
-    assert!(matches!(merge(merged.path(), &inputs), Err(Error::Settings { .. })));
+    assert!(matches!(
+        merge(merged.path(), &inputs),
+        Err(Error::Folder(folder::Error::Settings { .. }))
+    ));
     // The same settings, but another picture under one id.
     let forged = folder();
     make(job(forged.path(), &settings(), 1));
@@ -194,7 +198,10 @@ fn sets_that_disagree_are_not_merged() {
     assert!(matches!(merge(merged.path(), &inputs), Err(Error::Conflict { .. })));
     // A file that is not what its view says.
     let inputs = [forged.path().to_path_buf()];
-    assert!(matches!(merge(merged.path(), &inputs), Err(Error::Format { .. })));
+    assert!(matches!(
+        merge(merged.path(), &inputs),
+        Err(Error::Folder(folder::Error::Format { .. }))
+    ));
     assert!(records(merged.path()).expect("a folder").is_empty(), "nothing was taken over");
 }
 

@@ -183,3 +183,22 @@ fn room(depth: i32, bsdf: &str) -> Scene {
         ),
     )
 }
+
+/// An area of 2⁻³⁸ = 3.6e-12 with radiance 1e12, and one of 1e6 with radiance 1e-6, over a white plane that a camera of this
+/// angle sees; and the radiance of the plane. By the point-source limit of Lambert's formula the speck gives `L A cos² / d² / π` with
+/// `d² = 5` and `cos² = 4/5` (its half-side of 2⁻²⁰ at a distance of 1 is exact in f32); the sheet covers nearly the whole
+/// sky: 1e-6.
+fn speck_and_sheet(fov: f32) -> (Scene, f64) {
+    let scene = scene_around(
+        4,
+        fov,
+        2,
+        r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-1"/></transform>
+            <bsdf type="diffuse"><rgb name="reflectance" value="1"/></bsdf></shape>
+        <shape type="rectangle"><transform name="to_world"><scale value="9.5367431640625e-7"/><rotate x="1" angle="180"/>
+            <translate x="1" z="1"/></transform><emitter type="area"><rgb name="radiance" value="1e12"/></emitter></shape>
+        <shape type="rectangle"><transform name="to_world"><scale value="500"/><rotate x="1" angle="180"/>
+            <translate z="3"/></transform><emitter type="area"><rgb name="radiance" value="1e-6"/></emitter></shape>"#,
+    );
+    (scene, 1e12 * 0.5f64.powi(38) * 0.8 / 5.0 / std::f64::consts::PI + 1e-6)
+}

@@ -2,6 +2,7 @@
 //! they were made, its page whole.
 
 use quietlight::dataset::Shard;
+use quietlight::folder;
 use quietlight::integrator::Choice;
 use quietlight::scene::{LoadOptions, Scene};
 use quietlight::tradeoff::merge::merge;
@@ -139,12 +140,14 @@ fn shards_put_together_and_a_measurement_that_was_interrupted_are_what_one_run_m
 fn other_settings_are_refused_and_more_seeds_are_added(whole: &Path) {
     let other = Request { samples: vec![1, 2], ..request() };
     let refused = Job { request: other, ..job(whole, "0/1") }.plan();
-    let Err(Error::Settings { differences, .. }) = refused else { panic!("{refused:?}") };
+    let Err(Error::Folder(folder::Error::Settings { differences, .. })) = refused else {
+        panic!("{refused:?}")
+    };
     assert!(differences.contains("samples [1, 2, 8] there, [1, 2] here"), "{differences}");
     let wider = Request { width: Some(16), ..request() };
     assert!(matches!(
         Job { request: wider, ..job(whole, "0/1") }.plan(),
-        Err(Error::Settings { .. })
+        Err(Error::Folder(folder::Error::Settings { .. }))
     ));
     let more = Request { seeds: 3, ..request() };
     let plan = Job { request: more, ..job(whole, "0/1") }.plan().expect("seeds may be added");

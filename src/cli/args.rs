@@ -145,9 +145,6 @@ pub(super) struct Render {
     /// Same seed, same bits, at any number of threads
     #[arg(long, default_value_t = 0)]
     pub(super) seed: u64,
-    /// Threads [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    pub(super) threads: Option<u16>,
     /// Where random numbers come from
     #[arg(long, value_enum, default_value_t)]
     pub(super) sampler: Sampler,
@@ -162,15 +159,25 @@ pub(super) struct Render {
     /// Also write the two independent halves of every layer
     #[arg(long)]
     pub(super) halves: bool,
-    /// Do not estimate the error of the denoised picture: that takes twice the time of denoising
+    /// Run one sample again and print its path: column, row, sample index
+    #[arg(long, value_name = "X,Y,SAMPLE", value_parser = replay)]
+    pub(super) replay: Option<[u32; 3]>,
+    #[command(flatten)]
+    pub(super) finish: Finish,
+}
+
+/// How a picture is finished and told of.
+#[derive(Args, Debug)]
+pub(super) struct Finish {
+    /// Threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
+    /// Do not estimate the error of the denoised picture from its halves: that takes twice the time of denoising
     #[arg(long)]
     pub(super) no_estimate: bool,
     /// Brighten the PNG by this many stops
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub(super) exposure: f32,
-    /// Run one sample again and print its path: column, row, sample index
-    #[arg(long, value_name = "X,Y,SAMPLE", value_parser = replay)]
-    pub(super) replay: Option<[u32; 3]>,
     /// Print the outcome as JSON
     #[arg(long)]
     pub(super) json: bool,
@@ -189,21 +196,11 @@ pub(super) struct Merge {
     pub(super) denoiser: Denoiser,
     #[command(flatten)]
     pub(super) networks: Networks,
-    /// Threads [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    pub(super) threads: Option<u16>,
     /// Also write the two independent halves of every layer
     #[arg(long)]
     pub(super) halves: bool,
-    /// Do not estimate the error of the denoised picture: that takes twice the time of denoising
-    #[arg(long)]
-    pub(super) no_estimate: bool,
-    /// Brighten the PNG by this many stops
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub(super) exposure: f32,
-    /// Print the outcome as JSON
-    #[arg(long)]
-    pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) finish: Finish,
 }
 
 #[derive(Args, Debug)]
@@ -224,18 +221,8 @@ pub(super) struct Denoise {
     /// Normal in a file of its own
     #[arg(long, value_name = "FILE")]
     pub(super) normal: Option<PathBuf>,
-    /// Threads [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    pub(super) threads: Option<u16>,
-    /// Do not estimate the error of the picture from the halves in the file: that takes twice the time of denoising
-    #[arg(long)]
-    pub(super) no_estimate: bool,
-    /// Brighten the PNG by this many stops
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub(super) exposure: f32,
-    /// Print the outcome as JSON
-    #[arg(long)]
-    pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) finish: Finish,
 }
 
 #[derive(Args, Debug)]

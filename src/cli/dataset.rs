@@ -8,7 +8,6 @@ use crate::dataset::export::{Exported, export};
 use crate::dataset::merge::{Merged, merge};
 use crate::dataset::{Error, Job, Outcome, Plan, Settings, contact_sheet, manifest};
 use crate::scene::{LoadOptions, Scene};
-use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -25,7 +24,7 @@ pub(super) fn run(arguments: &Dataset) -> Result<(), Failure> {
             Ok(())
         }
         Some(DatasetVerb::Export { folder, output }) => {
-            let total = manifest::views(folder).map_err(sorted)?.len() as u64;
+            let total = manifest::views(folder).map_err(|error| sorted(error.into()))?.len() as u64;
             let progress = Progress::new("export", "views", total);
             let exported = export(folder, output, &|done| progress.at(done));
             progress.finish();
@@ -44,13 +43,8 @@ pub(super) fn run(arguments: &Dataset) -> Result<(), Failure> {
 /// Errors of the user's own doing are told apart from those of the machine.
 fn sorted(error: Error) -> Failure {
     match error {
-        Error::Io { ref source, .. } if source.kind() == ErrorKind::NotFound => {
-            Failure::BadInput(error.into())
-        }
-        Error::Settings { .. }
-        | Error::Conflict { .. }
-        | Error::Format { .. }
-        | Error::Space { .. } => Failure::BadInput(error.into()),
+        Error::Folder(ref reason) if reason.is_of_the_user() => Failure::BadInput(error.into()),
+        Error::Conflict { .. } | Error::Space { .. } => Failure::BadInput(error.into()),
         error => Failure::Failed(error.into()),
     }
 }

@@ -24,13 +24,13 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
     for name in &contents.ignored {
         eprintln!("warning: channel {name} is not one that a denoiser uses; it is left out");
     }
-    let threads = thread_pool(arguments.threads)?;
+    let threads = thread_pool(arguments.finish.threads)?;
     let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
     let Some(denoiser) = denoiser else { return Ok(()) };
     let start = Instant::now();
     let denoised = denoising::run(&denoiser, &layers, &threads).bad_input()?;
     let seconds = start.elapsed().as_secs_f64();
-    let error = match arguments.no_estimate {
+    let error = match arguments.finish.no_estimate {
         true => None,
         false => denoising::estimate(&denoised, &denoiser, &layers, &threads)?,
     };
@@ -42,11 +42,11 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
         WriteOptions { picture: Some(&denoised.image), halves: false, frame: Some(contents.frame) };
     exr::write(output, &layers, &options)
         .with_context(|| format!("cannot write {}", output.display()))?;
-    png::write(&png, &denoised.image, arguments.exposure)
+    png::write(&png, &denoised.image, arguments.finish.exposure)
         .with_context(|| format!("cannot write {}", png.display()))?;
 
     let used: Vec<String> = layers.layers.keys().map(|kind| kind.name().to_owned()).collect();
-    if arguments.json {
+    if arguments.finish.json {
         let json = serde_json::json!({
             "output": output,
             "png": png,

@@ -39,7 +39,7 @@ impl Keeper {
         Self {
             every: arguments.checkpoint.0,
             is_resumed: arguments.resume,
-            is_json: arguments.json,
+            is_json: arguments.finish.json,
             shard,
             checkpoint: output.with_extension(format!("{of_shard}checkpoint")),
             part: output.with_extension(format!("{of_shard}shard")),

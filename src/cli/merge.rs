@@ -20,7 +20,7 @@ pub(super) fn run(arguments: &Merge) -> Result<(), Failure> {
         return Err(anyhow!("pictures and shards are two things: give only EXRs, or only shards"))
             .bad_input();
     }
-    let threads = thread_pool(arguments.threads)?;
+    let threads = thread_pool(arguments.finish.threads)?;
     let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
     let (mut layers, frame, warnings) =
         if pictures > 0 { average(arguments)? } else { join(arguments)? };
@@ -32,7 +32,7 @@ pub(super) fn run(arguments: &Merge) -> Result<(), Failure> {
         None => None,
     };
     let error = match (&denoiser, &denoised) {
-        (Some(denoiser), Some(denoised)) if !arguments.no_estimate => {
+        (Some(denoiser), Some(denoised)) if !arguments.finish.no_estimate => {
             denoising::estimate(denoised, denoiser, &layers, &threads)?
         }
         _ => None,
@@ -50,11 +50,11 @@ pub(super) fn run(arguments: &Merge) -> Result<(), Failure> {
         Some(denoised) => &denoised.image,
         None => &layers.layers[&LayerKind::Beauty].mean,
     };
-    png::write(&png, picture, arguments.exposure)
+    png::write(&png, picture, arguments.finish.exposure)
         .with_context(|| format!("cannot write {}", png.display()))?;
 
     let samples = layers.metadata.get("samples").map_or("?", String::as_str);
-    if arguments.json {
+    if arguments.finish.json {
         let json = serde_json::json!({
             "output": output,
             "png": png,

@@ -47,7 +47,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let output = output_path(arguments)?;
     let pyramid = Pyramid::prepare(arguments.strategies.as_deref(), &settings)?;
     heed_ctrl_c("finishing this pass, then writing what there is")?;
-    let threads = thread_pool(arguments.threads)?;
+    let threads = thread_pool(arguments.finish.threads)?;
     // Before the render, so that hours are not spent for a file that is not a network.
     let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
 
@@ -91,7 +91,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         Some(denoised) => &denoised.image,
         None => &rendered.layers.layers[&LayerKind::Beauty].mean,
     };
-    png::write(&png, picture, arguments.exposure)
+    png::write(&png, picture, arguments.finish.exposure)
         .with_context(|| format!("cannot write {}", png.display()))?;
 
     if let Some(pyramid) = pyramid.filter(|_| !is_interrupted) {
@@ -110,7 +110,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     if let Some(note) = note {
         eprintln!("{note}");
     }
-    if arguments.json {
+    if arguments.finish.json {
         outcome.print_json();
     } else {
         outcome.print();

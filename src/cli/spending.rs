@@ -73,7 +73,7 @@ impl Spending<'_> {
         denoiser: Option<&Denoiser>,
         start: Instant,
     ) -> Result<Spent, Failure> {
-        let estimates = !self.arguments.no_estimate;
+        let estimates = !self.arguments.finish.no_estimate;
         if let Some(error) = self.arguments.target_error {
             return self.reach(error, denoiser, start);
         }
@@ -93,7 +93,7 @@ impl Spending<'_> {
             Some(format!(
                 "warning: what is done beside rendering takes {taken:.1} s: {total:.1} s are not enough"
             ))
-        } else if !estimates && !self.arguments.no_estimate {
+        } else if !estimates && !self.arguments.finish.no_estimate {
             Some("the error is not estimated: that would take too much of the time".to_owned())
         } else {
             None

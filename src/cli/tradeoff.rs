@@ -9,7 +9,6 @@ use crate::tradeoff::{
     CSV, Error, Filter, JSON, Job, Method, PAGE, Plan, ReferenceBudget, Request, Scores, page,
 };
 use clap::{Args, Subcommand};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -143,12 +142,8 @@ pub(super) fn run(arguments: &Tradeoff) -> Result<(), Failure> {
 /// Errors of the user's own doing are told apart from those of the machine.
 fn sorted(error: Error) -> Failure {
     match error {
-        Error::Io { ref source, .. } if source.kind() == ErrorKind::NotFound => {
-            Failure::BadInput(error.into())
-        }
-        Error::Settings { .. } | Error::Format { .. } | Error::Scene(_) | Error::Nothing(_) => {
-            Failure::BadInput(error.into())
-        }
+        Error::Folder(ref reason) if reason.is_of_the_user() => Failure::BadInput(error.into()),
+        Error::Scene(_) | Error::Nothing(_) => Failure::BadInput(error.into()),
         error => Failure::Failed(error.into()),
     }
 }

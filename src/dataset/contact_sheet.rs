@@ -2,6 +2,7 @@
 
 use super::manifest::{View, views};
 use super::{Error, exposure};
+use crate::folder;
 use ndarray::s;
 use quietlight_denoise::{Image, exr, png};
 use std::path::Path;
@@ -13,16 +14,17 @@ const THUMBNAIL: usize = 128;
 /// render and, to its right, the reference. Each pair has the exposure of its reference. Returns the ids, row by row.
 ///
 /// # Errors
-/// Where a view cannot be read, or the PNG not be written; [`Error::Format`] where there is no view with pictures.
-pub fn write(folder: &Path, most: usize, output: &Path) -> Result<Vec<String>, Error> {
-    let rendered = views(folder)?;
+/// Where a view cannot be read, or the PNG not be written; [`folder::Error::Format`] where there is no view with pictures.
+pub fn write(set: &Path, most: usize, output: &Path) -> Result<Vec<String>, Error> {
+    let rendered = views(set)?;
     let count = rendered.len().min(most);
     if count == 0 {
-        return Err(Error::Format {
-            path: folder.to_path_buf(),
+        return Err(folder::Error::Format {
+            path: set.to_path_buf(),
             found: "no complete view".to_owned(),
             expected: "at least one".to_owned(),
-        });
+        }
+        .into());
     }
     let columns = (count as f64).sqrt().ceil() as usize;
     let rows = count.div_ceil(columns);
@@ -32,13 +34,14 @@ pub fn write(folder: &Path, most: usize, output: &Path) -> Result<Vec<String>, E
     for (place, view) in chosen.enumerate() {
         let id = &view.identity.id;
         let read = |file: &str| -> Result<Image, Error> {
-            let path = View::folder(folder, id).join(file);
+            let path = View::folder(set, id).join(file);
             let contents = exr::read(&path)?;
-            contents.picture.ok_or_else(|| Error::Format {
+            let found = contents.picture.ok_or_else(|| folder::Error::Format {
                 path,
                 found: "no picture".to_owned(),
                 expected: "the channels R, G and B".to_owned(),
-            })
+            });
+            Ok(found?)
         };
         let reference = read(&view.reference.file)?;
         let noisy = match view.noisy.first() {

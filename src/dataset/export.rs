@@ -2,8 +2,9 @@
 //! `train/ID_0016spp.hdr.exr`, `….alb.exr`, `….nrm.exr`, and `train/ID_ref.hdr.exr` (its documentation, "Training", section
 //! "Datasets").
 
+use super::Error;
 use super::manifest::{Split, View, views};
-use super::{Error, at};
+use crate::folder::{self, at};
 use quietlight_denoise::exr::{self, WriteOptions};
 use quietlight_denoise::{Image, LayerKind, Layers};
 use std::collections::BTreeMap;
@@ -79,7 +80,7 @@ fn split_layers(file: &Path, folder: &Path, name: &str) -> Result<(), Error> {
     let mut layers = exr::read(file)?.layers;
     let size = (layers.width, layers.height);
     for (kind, ending) in FEATURES {
-        let layer = layers.layers.remove(&kind).ok_or_else(|| Error::Format {
+        let layer = layers.layers.remove(&kind).ok_or_else(|| folder::Error::Format {
             path: file.to_path_buf(),
             found: format!("no layer {}", kind.name()),
             expected: "colour, albedo and normal".to_owned(),

@@ -1,7 +1,8 @@
 //! Making the views of a data set: which are missing, whether they fit, and who renders them.
 
 use super::manifest::{Manifest, Record, Settings, View, records};
-use super::{Error, Shard, at, pairs, space};
+use super::{Error, Shard, pairs, space};
+use crate::folder::{self, at};
 use std::collections::HashSet;
 use std::fs;
 use std::path::PathBuf;
@@ -55,7 +56,7 @@ impl Job {
     /// Compares with what is in the folder and on the disk; changes nothing.
     ///
     /// # Errors
-    /// [`Error::Settings`] where the folder has a set of other settings, [`Error::Space`] where the disk is too small.
+    /// [`folder::Error::Settings`] where the folder has a set of other settings, [`Error::Space`] where the disk is too small.
     pub fn plan(self) -> Result<Plan, Error> {
         let mut manifest = Manifest::new(self.settings.clone(), self.views);
         let mut existing = Vec::new();
@@ -63,7 +64,11 @@ impl Job {
             let found = Manifest::read(&self.folder)?;
             let differences = self.settings.differences(&found.settings);
             if !differences.is_empty() {
-                return Err(Error::Settings { path: Manifest::path(&self.folder), differences });
+                return Err(folder::Error::Settings {
+                    path: Manifest::path(&self.folder),
+                    differences,
+                }
+                .into());
             }
             manifest.views = manifest.views.max(found.views);
             if self.folder.join("views").exists() {

@@ -4,17 +4,17 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Error, at};
-use quietlight_denoise::atomic;
+use crate::folder::{Error, at, read_json, write_json};
 use quietlight_denoise::sha256::sha256;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Version of the layout of folders and files. Readers refuse others.
 pub const SCHEMA: u32 = 1;
+
+/// What the files are of.
+const SET: &str = "a data set";
 
 /// What decides the pictures of a data set. Two runs with equal settings make equal views.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -103,7 +103,7 @@ impl Manifest {
     /// [`Error::Io`] where there is none, [`Error::Format`] where it is none of this schema.
     pub fn read(folder: &Path) -> Result<Self, Error> {
         let path = Self::path(folder);
-        let manifest: Self = read_json(&path)?;
+        let manifest: Self = read_json(&path, SET)?;
         if manifest.schema != SCHEMA {
             return Err(Error::Format {
                 path,
@@ -290,9 +290,9 @@ impl Record {
         let folder = View::folder(folder, id);
         let (view, skipped) = (folder.join(VIEW), folder.join(SKIPPED));
         if view.exists() {
-            Ok(Some(Self::Rendered(read_json(&view)?)))
+            Ok(Some(Self::Rendered(read_json(&view, SET)?)))
         } else if skipped.exists() {
-            Ok(Some(Self::Skipped(read_json(&skipped)?)))
+            Ok(Some(Self::Skipped(read_json(&skipped, SET)?)))
         } else {
             Ok(None)
         }
@@ -341,22 +341,4 @@ pub fn views(folder: &Path) -> Result<Vec<View>, Error> {
             Record::Skipped(_) => None,
         })
         .collect())
-}
-
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
-    let text = fs::read_to_string(path).map_err(at(path))?;
-    serde_json::from_str(&text).map_err(|error| Error::Format {
-        path: path.to_path_buf(),
-        found: error.to_string(),
-        expected: "a file of a data set of this version".to_owned(),
-    })
-}
-
-fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Error> {
-    let io = |source| quietlight_denoise::Error::Io { path: path.to_path_buf(), source };
-    atomic::write(path, |file| {
-        serde_json::to_writer_pretty(&mut *file, value).map_err(|error| io(error.into()))?;
-        file.write_all(b"\n").map_err(io)
-    })?;
-    Ok(())
 }

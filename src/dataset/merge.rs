@@ -1,7 +1,8 @@
 //! One data set out of shards that were made on several machines.
 
+use super::Error;
 use super::manifest::{Manifest, Record, View, records};
-use super::{Error, at};
+use crate::folder::{self, at};
 use quietlight_denoise::sha256::sha256;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,8 +20,8 @@ pub struct Merged {
 /// comes last, so that an interrupted merge can be done again.
 ///
 /// # Errors
-/// [`Error::Settings`] where two sets have different settings, [`Error::Conflict`] where they hold different renders of
-/// one view, both before anything is copied; [`Error::Format`] where a copied file has not the hash that its view says.
+/// [`folder::Error::Settings`] where two sets have different settings, [`Error::Conflict`] where they hold different renders of
+/// one view, both before anything is copied; [`folder::Error::Format`] where a copied file has not the hash that its view says.
 pub fn merge(output: &Path, inputs: &[PathBuf]) -> Result<Merged, Error> {
     let mut all: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     if Manifest::path(output).exists() {
@@ -36,7 +37,11 @@ pub fn merge(output: &Path, inputs: &[PathBuf]) -> Result<Merged, Error> {
             Some(first) => {
                 let differences = read.settings.differences(&first.settings);
                 if !differences.is_empty() {
-                    return Err(Error::Settings { path: Manifest::path(folder), differences });
+                    return Err(folder::Error::Settings {
+                        path: Manifest::path(folder),
+                        differences,
+                    }
+                    .into());
                 }
                 first.views = first.views.max(read.views);
             }
@@ -98,14 +103,12 @@ fn copy(record: &Record, from: &Path, to: &Path) -> Result<(), Error> {
             let bytes = fs::read(&from).map_err(at(&from))?;
             let found = sha256(&bytes);
             if found != *expected {
-                return Err(Error::Format {
-                    path: from,
-                    found: format!("the SHA-256 {found}"),
-                    expected: expected.clone(),
-                });
+                let found = format!("the SHA-256 {found}");
+                let expected = expected.clone();
+                return Err(folder::Error::Format { path: from, found, expected }.into());
             }
             fs::write(&to, bytes).map_err(at(&to))?;
         }
     }
-    record.write(to)
+    Ok(record.write(to)?)
 }

@@ -23,40 +23,16 @@ pub use crate::render::Shard;
 pub use make::{Job, Outcome, Plan};
 pub use manifest::{Manifest, Record, Settings, View};
 
-use std::path::{Path, PathBuf};
+use crate::folder;
+use std::path::PathBuf;
 
 /// Why a data set cannot be made, merged or read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system refused a file or folder.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A manifest or the description of a view is not what it must be.
-    #[error("{path}: found {found}, expected {expected}")]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What is there.
-        found: String,
-        /// What should be there.
-        expected: String,
-    },
-    /// A folder holds a data set of other settings.
-    #[error(
-        "{path}: was made with other settings: {differences}; use the same settings or another folder"
-    )]
-    Settings {
-        /// The manifest.
-        path: PathBuf,
-        /// Each setting that differs, with both values.
-        differences: String,
-    },
+    /// The folder cannot be used.
+    #[error(transparent)]
+    Folder(#[from] folder::Error),
     /// Two data sets hold different renders of one view.
     #[error("view {id} of {first} and of {second} differ: the sets cannot be merged")]
     Conflict {
@@ -87,10 +63,4 @@ pub enum Error {
     /// Threads cannot be started.
     #[error("cannot start threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
-}
-
-/// Says which file an operation of the system was about.
-fn at(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
-    let path = path.to_path_buf();
-    move |source| Error::Io { path, source }
 }

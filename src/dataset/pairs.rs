@@ -10,7 +10,8 @@ use super::manifest::{
     Identity, NoisyFile, Record, ReferenceFile, Settings, SkippedView, Source, Split, View,
 };
 use super::seed::{Dice, Purpose, ViewSeed};
-use super::{Error, at, variation};
+use super::{Error, variation};
+use crate::folder::at;
 use crate::render::{Budget, RenderSettings, Rendered, Rendering, render};
 use crate::scene::{LoadOptions, Scene};
 use quietlight_denoise::exr::{self, Frame, WriteOptions};

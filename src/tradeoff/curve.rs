@@ -142,9 +142,11 @@ mod tests {
             // As fast as the second, and worse.
             place(1.0, 2.0),
             place(6.0, f64::NAN),
+            // As fast as the last, better than all before, and worse than it.
+            place(9.0, 0.095),
             place(9.0, 0.09),
         ];
-        assert_eq!(pareto_front(&places), [1, 0, 3, 7]);
+        assert_eq!(pareto_front(&places), [1, 0, 3, 8]);
         assert_eq!(pareto_front(&[]), [0; 0]);
         assert_eq!(pareto_front(&[place(1.0, 1.0); 3]), [0]);
     }

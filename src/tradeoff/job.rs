@@ -1,11 +1,12 @@
 //! Measuring: which units are missing, and one after the other until they are there.
 
+use super::Error;
 use super::request::{REFERENCE_FACTOR, Request};
 use super::settings::{Filter, ReferenceBudget, Settings};
 use super::unit::Unit;
 use super::workshop::Workshop;
-use super::{Error, at};
 use crate::dataset::Shard;
+use crate::folder::at;
 use crate::render::{Budget, RenderSettings, render};
 use crate::scene::Scene;
 use quietlight_denoise::Denoiser;

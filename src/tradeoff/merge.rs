@@ -1,8 +1,9 @@
 //! One measurement out of the shards of several machines.
 
+use super::Error;
 use super::settings::Settings;
 use super::unit::{ReferenceHalf, Run};
-use super::{Error, at};
+use crate::folder::at;
 use std::fs;
 use std::path::{Path, PathBuf};
 

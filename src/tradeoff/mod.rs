@@ -28,7 +28,7 @@ pub use scores::Scores;
 pub use settings::{Filter, Method, ReferenceBudget, Settings};
 pub use verdict::{Choice, Standing, Verdict};
 
-use std::path::{Path, PathBuf};
+use crate::folder;
 
 /// Name of the file of scores, one row for each integrator, denoiser and sample count of a scene.
 pub const CSV: &str = "scores.csv";
@@ -41,34 +41,9 @@ pub const PAGE: &str = "tradeoff.html";
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system refused a file or folder.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A file of a measurement is not what it must be.
-    #[error("{path}: found {found}, expected {expected}")]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What is there.
-        found: String,
-        /// What should be there.
-        expected: String,
-    },
-    /// A folder holds a measurement of other settings.
-    #[error(
-        "{path}: was made with other settings: {differences}; use the same settings or another folder"
-    )]
-    Settings {
-        /// The plan.
-        path: PathBuf,
-        /// Each setting that differs, with both values.
-        differences: String,
-    },
+    /// The folder cannot be used.
+    #[error(transparent)]
+    Folder(#[from] folder::Error),
     /// Nothing of what was asked for can be measured.
     #[error("nothing can be measured: {0}")]
     Nothing(String),
@@ -81,10 +56,4 @@ pub enum Error {
     /// Threads cannot be started.
     #[error("cannot start threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
-}
-
-/// Says which file an operation of the system was about.
-fn at(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
-    let path = path.to_path_buf();
-    move |source| Error::Io { path, source }
 }

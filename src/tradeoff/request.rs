@@ -1,7 +1,8 @@
 //! What is asked to be measured, and the scenes that it names.
 
+use super::Error;
 use super::settings::{Filter, Method, ReferenceBudget, SceneSettings, Settings};
-use super::{Error, at};
+use crate::folder::at;
 use crate::scene::{LoadOptions, Scene, find_scene};
 use quietlight_denoise::sha256::sha256;
 use std::collections::HashSet;

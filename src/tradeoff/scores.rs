@@ -2,11 +2,12 @@
 
 use super::curve::Reach;
 use super::judge::Scene;
-use super::settings::{Filter, Method, Settings, write_json};
+use super::settings::{Filter, Method, Settings};
 use super::statistics::Estimate;
 use super::unit::{ReferenceHalf, Run, Unit};
 use super::verdict::Verdict;
 use super::{Error, JSON};
+use crate::folder::write_json;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -203,8 +204,8 @@ impl Scores {
     /// Writes `scores.json`.
     ///
     /// # Errors
-    /// [`Error::Image`] where the folder cannot be written.
+    /// [`Error::Folder`] where the folder cannot be written.
     pub fn write_json(&self, folder: &Path) -> Result<(), Error> {
-        write_json(&folder.join(JSON), self)
+        Ok(write_json(&folder.join(JSON), self)?)
     }
 }

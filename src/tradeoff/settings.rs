@@ -1,16 +1,16 @@
 //! What is measured: the settings of a measurement, and the file that holds them.
 
-use super::{Error, at};
+use crate::folder::{Error, read_json, write_json};
 use crate::integrator::{Bdpt, CorrelatedVisibility, Erpt, Integrator, Mlt, PathTracing, Pssmlt};
+use quietlight_denoise::Denoiser;
 use quietlight_denoise::kpcn::Quality;
-use quietlight_denoise::{Denoiser, atomic};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
+
+/// What the files are of.
+pub(super) const MEASUREMENT: &str = "a measurement";
 
 /// A way to find light, with the settings that it has by default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -199,13 +199,13 @@ impl Settings {
     /// # Errors
     /// [`Error::Io`] and [`Error::Format`] where there are none.
     pub fn read(folder: &Path) -> Result<Self, Error> {
-        read_json(&Self::path(folder))
+        read_json(&Self::path(folder), MEASUREMENT)
     }
 
     /// Writes them, whole or not at all.
     ///
     /// # Errors
-    /// [`Error::Image`] where the folder cannot be written.
+    /// [`Error::Write`] where the folder cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), Error> {
         write_json(&Self::path(folder), self)
     }
@@ -254,24 +254,4 @@ impl Settings {
         self.seeds = self.seeds.max(found.seeds);
         Ok(self)
     }
-}
-
-/// Reads a file of a measurement.
-pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
-    let text = fs::read_to_string(path).map_err(at(path))?;
-    serde_json::from_str(&text).map_err(|error| Error::Format {
-        path: path.to_path_buf(),
-        found: error.to_string(),
-        expected: "a file of a measurement of this version".to_owned(),
-    })
-}
-
-/// Writes a file of a measurement, whole or not at all.
-pub(super) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Error> {
-    let io = |source| quietlight_denoise::Error::Io { path: path.to_path_buf(), source };
-    atomic::write(path, |file| {
-        serde_json::to_writer_pretty(&mut *file, value).map_err(|error| io(error.into()))?;
-        file.write_all(b"\n").map_err(io)
-    })?;
-    Ok(())
 }

@@ -1,7 +1,8 @@
 //! `scores.csv`: one row for each scene, integrator, denoiser and sample count, for programs and spreadsheets.
 
 use super::statistics::Estimate;
-use super::{CSV, Error, Scores, at};
+use super::{CSV, Error, Scores};
+use crate::folder::at;
 use quietlight_denoise::atomic;
 use serde::Serialize;
 use std::path::Path;

@@ -2,9 +2,10 @@
 //!
 //! A unit's folder is made under another name and renamed when all of it is on disk.
 
-use super::settings::{Filter, Method, read_json};
+use super::Error;
+use super::settings::{Filter, MEASUREMENT, Method};
 use super::workshop::{Workshop, make_reference, make_run};
-use super::{Error, at};
+use crate::folder::{self, at, read_json};
 use quietlight_denoise::{Denoiser, Image};
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -155,7 +156,7 @@ impl Unit {
         for old in [&part, folder] {
             match fs::remove_dir_all(old) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(at(old)(error));
+                    return Err(at(old)(error).into());
                 }
                 _ => {}
             }
@@ -182,8 +183,8 @@ impl ReferenceHalf {
     ///
     /// # Errors
     /// Where there is none.
-    pub fn read(folder: &Path) -> Result<Self, Error> {
-        read_json(&folder.join(REFERENCE))
+    pub fn read(folder: &Path) -> Result<Self, folder::Error> {
+        read_json(&folder.join(REFERENCE), MEASUREMENT)
     }
 
     /// Reads the picture in the folder of the half.
@@ -200,8 +201,8 @@ impl Run {
     ///
     /// # Errors
     /// Where there is none.
-    pub fn read(folder: &Path) -> Result<Self, Error> {
-        read_json(&folder.join(RUN))
+    pub fn read(folder: &Path) -> Result<Self, folder::Error> {
+        read_json(&folder.join(RUN), MEASUREMENT)
     }
 }
 

@@ -1,8 +1,9 @@
 //! Rendering, denoising and timing one unit of work, one thing at a time.
 
 use super::Error;
-use super::settings::{Filter, Method, ReferenceBudget, write_json};
+use super::settings::{Filter, Method, ReferenceBudget};
 use super::unit::{Measure, PICTURE, Picture, REFERENCE, RUN, ReferenceHalf, Run};
+use crate::folder::write_json;
 use crate::integrator::{Choice, Integrator};
 use crate::render::{Budget, RenderSettings, Rendering};
 use crate::scene::Scene;

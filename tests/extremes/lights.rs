@@ -120,21 +120,9 @@ fn a_dim_light_behind_a_wall_is_not_drowned() {
 
 #[test]
 fn a_speck_of_a_light_and_a_huge_one_are_chosen_by_their_power() {
-    // As `path_tracing` has it: by Lambert's formula for a point-like light, L A cos² / d² / π with d² = 5 and cos² = 4/5, and a
-    // sheet of 1e-6 that covers nearly the whole sky. A ten thousandth of the light that walks from the emitters send to the
-    // plane is what the camera sees of it, so that it sees a wider part here.
-    let scene = scene_around(
-        4,
-        1.0,
-        2,
-        r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-1"/></transform>
-            <bsdf type="diffuse"><rgb name="reflectance" value="1"/></bsdf></shape>
-        <shape type="rectangle"><transform name="to_world"><scale value="9.5367431640625e-7"/><rotate x="1" angle="180"/>
-            <translate x="1" z="1"/></transform><emitter type="area"><rgb name="radiance" value="1e12"/></emitter></shape>
-        <shape type="rectangle"><transform name="to_world"><scale value="500"/><rotate x="1" angle="180"/>
-            <translate z="3"/></transform><emitter type="area"><rgb name="radiance" value="1e-6"/></emitter></shape>"#,
-    );
-    let expected = 1e12 * 0.5f64.powi(38) * 0.8 / 5.0 / std::f64::consts::PI + 1e-6;
+    // A ten thousandth of the light that walks from the emitters send to the plane is what the camera sees of it, so that it
+    // sees a wider part here.
+    let (scene, expected) = speck_and_sheet(1.0);
     for (name, integrator) in methods() {
         let [found, ..] = replicas(&scene, integrator, REPLICAS, 64);
         let (p, error) = (found.p_against(expected), found.variance_of_mean().sqrt());

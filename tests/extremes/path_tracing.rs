@@ -1,5 +1,6 @@
 //! Path tracing, the film and the buffers at their extremes, against closed forms.
 
+use super::speck_and_sheet;
 use crate::support::scenes::{
     assert_equal_energy, assert_mean, layer, mean_and_error, render_finite, scaled, scene_around,
     scene_from, settings,
@@ -111,21 +112,7 @@ fn a_light_of_1e_minus_8_survives_next_to_one_of_1e8() {
 
 #[test]
 fn a_speck_of_a_light_and_a_huge_one_are_chosen_by_their_power() {
-    // An area of 2⁻³⁸ = 3.6e-12 with radiance 1e12, and one of 1e6 with radiance 1e-6: by the point-source limit of
-    // Lambert's formula each gives what its power says. The speck's half-side of 2⁻²⁰ at a distance of 1 is exact in f32.
-    let scene = scene_around(
-        4,
-        0.01,
-        2,
-        r#"<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-1"/></transform>
-            <bsdf type="diffuse"><rgb name="reflectance" value="1"/></bsdf></shape>
-        <shape type="rectangle"><transform name="to_world"><scale value="9.5367431640625e-7"/><rotate x="1" angle="180"/>
-            <translate x="1" z="1"/></transform><emitter type="area"><rgb name="radiance" value="1e12"/></emitter></shape>
-        <shape type="rectangle"><transform name="to_world"><scale value="500"/><rotate x="1" angle="180"/>
-            <translate z="3"/></transform><emitter type="area"><rgb name="radiance" value="1e-6"/></emitter></shape>"#,
-    );
-    // The speck: L A cos² / d² / π with d² = 5, cos² = 4/5. The sheet covers nearly the whole sky: 1e-6.
-    let expected = 1e12 * 0.5f64.powi(38) * 0.8 / 5.0 / std::f64::consts::PI + 1e-6;
+    let (scene, expected) = speck_and_sheet(0.01);
     let rendered = render_finite(&scene, &settings(4096, 10, Light));
     assert_mean(mean_and_error(&rendered), expected, 0.05, "speck and sheet");
 }
