@@ -86,6 +86,18 @@ fn a_survey_counts_mirrors_in_a_row_at_any_number_of_threads() {
     assert_eq!(found, survey(&mirrors, 3));
     assert_eq!((found.delta_hits, found.longest_delta_chain, found.background), (1.0, 6, 0.0));
 
+    // With a wall in the second one's place no two mirrors follow each other.
+    let mirror_and_wall = load(
+        "<integrator type='path'><integer name='max_depth' value='6'/></integrator>
+        <shape type='rectangle'><transform name='to_world'><scale value='1000'/></transform>
+            <bsdf type='conductor'/></shape>
+        <shape type='rectangle'><transform name='to_world'><scale value='1000'/><rotate y='1' angle='180'/>
+            <translate z='5'/></transform><bsdf type='diffuse'><rgb name='reflectance' value='1'/></bsdf></shape>
+        <emitter type='constant'/>",
+    );
+    let found = survey(&mirror_and_wall, 2);
+    assert!(found.hits > 2.5 && found.longest_delta_chain == 1, "{found:?}");
+
     // A white furnace: radiance 1 everywhere, whatever is hit; with nothing to hit all of it is background.
     let empty = survey(&load("<emitter type='constant'/>"), 2);
     assert_eq!((empty.hits, empty.background, empty.invalid), (0.0, 1.0, 0));

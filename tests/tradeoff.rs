@@ -3,7 +3,7 @@
 
 use quietlight::dataset::Shard;
 use quietlight::folder;
-use quietlight::integrator::Choice;
+use quietlight::integrator::{Choice, Purpose};
 use quietlight::scene::{LoadOptions, Scene};
 use quietlight::tradeoff::merge::merge;
 use quietlight::tradeoff::scores::{Point, SceneScores};
@@ -252,7 +252,7 @@ fn a_run_is_what_render_makes_of_its_seed_and_a_reference_has_seeds_of_its_own()
     let [a, b] = [&halves[0], &halves[1]].map(|half| ReferenceHalf::read(half).expect("a half"));
     assert_eq!((a.samples, b.samples), (32, 32));
     assert!(a.seed != b.seed && a.seed > 1 << 62 && b.seed > 1 << 62);
-    assert_eq!(a.integrator, Choice::of(&scene).integrator.name());
+    assert_eq!(a.integrator, Choice::of(&scene, Purpose::default()).integrator.name());
 }
 
 /// A picture of `truth`, off by `bias` and by noise of that deviation, uniform so that its variance is exact.

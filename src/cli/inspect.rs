@@ -3,7 +3,7 @@
 mod cost;
 mod facts;
 
-use super::args::Inspect;
+use super::args::{Denoiser, Inspect};
 use super::render::{load, thread_pool};
 use super::{Failure, denoising};
 use cost::Costs;
@@ -15,7 +15,7 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
     let scene = load(&arguments.scene)?;
     let loading = start.elapsed().as_secs_f64();
     let threads = thread_pool(arguments.threads)?;
-    let facts = threads.install(|| Facts::of(&scene));
+    let facts = threads.install(|| Facts::of(&scene, arguments.denoiser != Denoiser::None));
     let costs = match arguments.no_probe {
         true => None,
         false => {

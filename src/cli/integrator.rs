@@ -3,14 +3,14 @@
 use super::args::{self, ChainOptions, Marks, Render, Walks};
 use crate::integrator::correlated_visibility::MarkSource;
 use crate::integrator::{
-    Bdpt, Choice, CorrelatedVisibility, Erpt, Integrator, Mlt, Mutations, PathTracing,
-    PrimaryPaths, Pssmlt, Strategy,
+    Bdpt, Choice, CorrelatedVisibility, Effort, Erpt, Integrator, Mlt, Mutations, PathTracing,
+    PrimaryPaths, Pssmlt, Purpose, Strategy,
 };
 use crate::scene::Scene;
 use crate::transport::connect::Strategies;
 
-/// The method asked for; `auto` looks at the scene.
-pub(super) fn of(arguments: &Render, scene: &Scene) -> Integrator {
+/// The method asked for; `auto` looks at the scene, at what may be spent on so many `threads`, and at what becomes of the noise.
+pub(super) fn of(arguments: &Render, scene: &Scene, threads: usize) -> Integrator {
     let strategy = match arguments.strategy {
         args::Strategy::Mis => Strategy::Mis,
         args::Strategy::Light => Strategy::Light,
@@ -21,7 +21,7 @@ pub(super) fn of(arguments: &Render, scene: &Scene) -> Integrator {
     match arguments.integrator {
         // A strategy of path tracing, or one of its samples, is asked of path tracing.
         args::Integrator::Auto if strategy == Strategy::default() && arguments.replay.is_none() => {
-            Choice::of(scene).integrator
+            Choice::of(scene, purpose(arguments, scene, threads)).integrator
         }
         args::Integrator::Auto | args::Integrator::Path => path_tracing.into(),
         args::Integrator::Bdpt => Integrator::Bdpt(Bdpt::default()),
@@ -47,6 +47,18 @@ pub(super) fn of(arguments: &Render, scene: &Scene) -> Integrator {
             ..CorrelatedVisibility::default()
         }),
     }
+}
+
+fn purpose(arguments: &Render, scene: &Scene, threads: usize) -> Purpose {
+    let effort = match (arguments.time, arguments.target_error) {
+        (Some(time), _) => {
+            let per_pixel = time.as_secs_f64() / scene.film.crop_pixels() as f64;
+            Some(Effort::Seconds(per_pixel * threads as f64))
+        }
+        (None, Some(_)) => None,
+        (None, None) => Some(Effort::Samples(arguments.spp.unwrap_or(scene.samples))),
+    };
+    Purpose { is_denoised: arguments.denoiser != args::Denoiser::None, effort }
 }
 
 fn erpt(options: &ChainOptions) -> Erpt {

@@ -23,7 +23,8 @@ pub(super) static STOP: AtomicBool = AtomicBool::new(false);
 pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let start = Instant::now();
     let scene = load(&arguments.scene)?;
-    let settings = settings(arguments, &scene);
+    let threads = thread_pool(arguments.finish.threads)?;
+    let settings = settings(arguments, &scene, threads.current_num_threads());
     if let Some([x, y, sample]) = arguments.replay {
         if !settings.integrator.is_path() {
             return Err(anyhow::anyhow!(
@@ -47,7 +48,6 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     let output = output_path(arguments)?;
     let pyramid = Pyramid::prepare(arguments.strategies.as_deref(), &settings)?;
     heed_ctrl_c("finishing this pass, then writing what there is")?;
-    let threads = thread_pool(arguments.finish.threads)?;
     // Before the render, so that hours are not spent for a file that is not a network.
     let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
 
@@ -135,7 +135,7 @@ pub(super) fn load(arguments: &SceneArguments) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
-fn settings(arguments: &Render, scene: &Scene) -> RenderSettings {
+fn settings(arguments: &Render, scene: &Scene, threads: usize) -> RenderSettings {
     RenderSettings {
         budget: match arguments.time {
             Some(time) => Budget::Time(time),
@@ -146,7 +146,7 @@ fn settings(arguments: &Render, scene: &Scene) -> RenderSettings {
             Sampler::Sobol => SamplerKind::Sobol,
             Sampler::Independent => SamplerKind::Independent,
         },
-        integrator: integrator::of(arguments, scene),
+        integrator: integrator::of(arguments, scene, threads),
         shard: arguments.shard,
         ..RenderSettings::default()
     }

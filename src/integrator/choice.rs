@@ -8,6 +8,7 @@ use crate::scene::Scene;
 use crate::transport::connect::Strategies;
 use glam::Vec2;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Pairs of walks that the choice rests on: about a tenth of a second of one thread.
 const PAIRS: u64 = 1 << 14;
@@ -27,8 +28,42 @@ const COST_OF_PAIR: f64 = 3.2;
 /// that of path tracing, in the caustic pool (15) 0.25 and 0.24; in the Cornell box (0.7) three times both.
 const CHAINS_FROM: f64 = 10.0;
 
-/// What some pairs of walks tell of a scene's light.
+/// What is spent on a pixel of a picture that is denoised, up to which bidirectional path tracing is better there, too: the noise
+/// of chains is correlated from pixel to pixel, and denoising leaves more of it.
+const SHORT_SECONDS: f64 = 1e-3;
+
+/// The same in samples.
+const SHORT_SAMPLES: u32 = 512;
+
+/// What a picture is for, as far as the choice of its method depends on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Purpose {
+    /// Will the noise be taken out?
+    pub is_denoised: bool,
+    /// What may be spent; `None` for as much as it takes.
+    pub effort: Option<Effort>,
+}
+
+/// What may be spent on each pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Effort {
+    /// So many samples.
+    Samples(u32),
+    /// So many seconds of one thread.
+    Seconds(f64),
+}
+
+impl Effort {
+    fn is_short(self) -> bool {
+        match self {
+            Self::Samples(samples) => samples <= SHORT_SAMPLES,
+            Self::Seconds(seconds) => seconds <= SHORT_SECONDS,
+        }
+    }
+}
+
+/// What some pairs of walks tell of a scene's light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightProbe {
     /// Variance of one sample of path tracing, relative to the squared brightness around it.
     pub noise_of_path: f64,
@@ -151,10 +186,14 @@ fn pair<'s>(scene: &'s Scene, index: u64, workspace: &mut Workspace<'s>) -> Vec<
 }
 
 impl Choice {
-    /// The method for a scene, from what its light is like.
-    pub fn of(scene: &Scene) -> Self {
-        let probe = LightProbe::of(scene);
-        let LightProbe { noise_of_path, noise_of_bdpt, unseen } = probe;
+    /// The method for a scene, from what its light is like and what the picture is for.
+    pub fn of(scene: &Scene, purpose: Purpose) -> Self {
+        Self::by(&LightProbe::of(scene), purpose)
+    }
+
+    /// The same where its light is known.
+    pub fn by(probe: &LightProbe, purpose: Purpose) -> Self {
+        let LightProbe { noise_of_path, noise_of_bdpt, unseen } = *probe;
         let facts = format!(
             "one sample has a relative variance of {noise_of_path:.3} by path tracing and {noise_of_bdpt:.3} by \
              bidirectional path tracing, which costs {COST_OF_PAIR} times as much"
@@ -165,7 +204,13 @@ impl Choice {
             String::new()
         };
         let is_unseen = unseen > 0.001;
-        let (integrator, verdict): (Integrator, _) = if noise_of_bdpt > CHAINS_FROM {
+        let is_short = purpose.is_denoised && purpose.effort.is_some_and(Effort::is_short);
+        let (integrator, verdict): (Integrator, _) = if noise_of_bdpt > CHAINS_FROM && is_short {
+            (
+                Integrator::Bdpt(Bdpt::default()),
+                "light is hard to find for both, and chains that are so short leave noise that denoising does not take out",
+            )
+        } else if noise_of_bdpt > CHAINS_FROM {
             (
                 Integrator::Erpt(Erpt::default()),
                 "light is hard to find for both, and chains stay where it is",
@@ -179,5 +224,36 @@ impl Choice {
             (PathTracing::default().into(), "walks from the camera find it")
         };
         Self { integrator, reason: format!("{verdict}: {facts}{hidden}") }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hard_light_is_for_chains_unless_a_denoised_picture_must_be_soon_there() {
+        let light = |noise_of_path, noise_of_bdpt, unseen| {
+            move |is_denoised, effort| {
+                let light = LightProbe { noise_of_path, noise_of_bdpt, unseen };
+                Choice::by(&light, Purpose { is_denoised, effort }).integrator.name()
+            }
+        };
+        let hard = light(50.0, 13.0, 0.0);
+        for short in [Effort::Seconds(SHORT_SECONDS), Effort::Samples(SHORT_SAMPLES)] {
+            assert_eq!(hard(true, Some(short)), "bdpt");
+            assert_eq!(hard(false, Some(short)), "erpt");
+        }
+        for long in [Effort::Seconds(1.01 * SHORT_SECONDS), Effort::Samples(SHORT_SAMPLES + 1)] {
+            assert_eq!(hard(true, Some(long)), "erpt");
+        }
+        assert_eq!(hard(true, None), "erpt");
+        // A sample of bidirectional path tracing costs as much as 3.2 of path tracing.
+        for purpose in [(true, None), (false, Some(Effort::Samples(1)))] {
+            let name = |light: &dyn Fn(_, _) -> &'static str| light(purpose.0, purpose.1);
+            assert_eq!(name(&light(1.0, 0.5, 0.0)), "path");
+            assert_eq!(name(&light(1.0, 0.3, 0.0)), "bdpt");
+            assert_eq!(name(&light(1.0, 0.5, 0.01)), "bdpt");
+        }
     }
 }

@@ -18,7 +18,7 @@ mod splat;
 
 pub use bdpt::Bdpt;
 pub use changes::Mutations;
-pub use choice::{Choice, LightProbe};
+pub use choice::{Choice, Effort, LightProbe, Purpose};
 pub use correlated_visibility::CorrelatedVisibility;
 pub use erpt::Erpt;
 pub use markov::MarkovChains;

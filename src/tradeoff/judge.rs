@@ -8,6 +8,7 @@ use super::statistics::{Estimate, Reference};
 use super::unit::{ReferenceHalf, Run};
 use super::verdict::Verdict;
 use super::words::decimal;
+use crate::integrator::{Choice, Effort, Purpose};
 use quietlight_denoise::metrics::{DEFAULT_PIXELS_PER_DEGREE, flip, one_minus_ssim, psnr};
 use quietlight_denoise::picture::read_picture;
 use rayon::prelude::*;
@@ -44,6 +45,7 @@ impl Scene<'_> {
     ) -> Result<SceneScores, Error> {
         let pictures = [ReferenceHalf::picture(&first.1)?, ReferenceHalf::picture(&second.1)?];
         let reference = Reference::new(pictures);
+        let threads = runs.iter().map(|(run, _)| run.threads).max().unwrap_or(1);
         let groups: Vec<_> = group(runs).into_iter().collect();
         let points = groups
             .into_par_iter()
@@ -71,9 +73,14 @@ impl Scene<'_> {
                 .map(|&target| if target < noise { None } else { curve.reach(target) })
                 .collect(),
         };
-        let auto = Combination {
-            integrator: first.0.integrator.parse().unwrap_or(Method::Path),
-            denoiser: default_denoiser(&points),
+        let denoiser = default_denoiser(&points);
+        let pixels = f64::from(self.size[0]) * f64::from(self.size[1]);
+        let auto = |seconds: f64| {
+            let effort = Some(Effort::Seconds(seconds * threads as f64 / pixels));
+            let purpose = Purpose { is_denoised: denoiser != Filter::None, effort };
+            let choice = Choice::by(&first.0.light, purpose);
+            let integrator = choice.integrator.name().parse().unwrap_or(Method::Path);
+            Combination { integrator, denoiser }
         };
         let reference = ReferenceScores {
             integrator: first.0.integrator,
@@ -82,14 +89,16 @@ impl Scene<'_> {
             seconds: first.0.seconds + second.0.seconds,
             noise,
         };
+        let verdict = Verdict::of(&curves, &points, &auto, &reference);
+        let longest = verdict.choices.last().map_or(f64::INFINITY, |choice| choice.seconds);
         Ok(SceneScores {
             name: self.name.to_owned(),
             size: self.size,
             front: pareto_front(&known),
             curves: curves.iter().map(of_curve).collect(),
-            verdict: Verdict::of(&curves, &points, auto, &reference),
+            verdict,
             reference,
-            auto,
+            auto: auto(longest),
             targets,
             points,
         })

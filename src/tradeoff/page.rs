@@ -253,7 +253,7 @@ fn view<'a>(scene: &'a SceneScores, pictures: &Pictures) -> SceneView<'a> {
     SceneView {
         name: &scene.name,
         facts,
-        choices: scene.verdict.choices.iter().map(|choice| choice_view(choice, scene)).collect(),
+        choices: scene.verdict.choices.iter().map(choice_view).collect(),
         targets: scene.targets.iter().map(|&target| round(target)).collect(),
         reaches: reaches(scene),
         rows: scene
@@ -273,10 +273,10 @@ fn round(error: f64) -> String {
     if error >= 9e-5 { format!("{error}") } else { format!("{error:.0e}") }
 }
 
-fn choice_view(choice: &verdict::Choice, scene: &SceneScores) -> ChoiceView {
+fn choice_view(choice: &verdict::Choice) -> ChoiceView {
     let error_of = |combination| match combination {
         one if one == choice.best => Some(choice.error),
-        one if one == scene.auto => choice.auto_error,
+        one if one == choice.auto => choice.auto_error,
         _ => None,
     };
     let note = match choice.rival {
@@ -294,7 +294,7 @@ fn choice_view(choice: &verdict::Choice, scene: &SceneScores) -> ChoiceView {
         take: choice.take.to_string(),
         error: error_of(choice.take).map_or_else(String::new, relative_l2),
         note,
-        is_auto: choice.take == scene.auto,
+        is_auto: choice.take == choice.auto,
     }
 }
 

@@ -39,7 +39,7 @@ pub struct SceneScores {
     pub size: [u32; 2],
     /// What the errors are measured against.
     pub reference: ReferenceScores,
-    /// What `auto` takes on this scene.
+    /// What `auto` takes on this scene, at the longest budget.
     pub auto: Combination,
     /// Every integrator, denoiser and sample count.
     pub points: Vec<Point>,

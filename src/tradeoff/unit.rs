@@ -6,6 +6,7 @@ use super::Error;
 use super::settings::{Filter, MEASUREMENT, Method};
 use super::workshop::{Workshop, make_reference, make_run};
 use crate::folder::{self, at, read_json};
+use crate::integrator::LightProbe;
 use quietlight_denoise::{Denoiser, Image};
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -39,7 +40,9 @@ pub struct ReferenceHalf {
     pub integrator: String,
     /// Its settings, in words.
     pub settings: String,
-    /// Why it was chosen, from what the scene's light is like.
+    /// What the scene's light is like.
+    pub light: LightProbe,
+    /// What follows from it for the reference, in words.
     pub reason: String,
     /// Its seed.
     pub seed: u64,

@@ -69,7 +69,9 @@ pub struct Choice {
     pub rival: Option<(Combination, f64)>,
     /// Is the best told apart from the next best by the seeds, and by more than a tenth?
     pub is_clear: bool,
-    /// The error that `auto` leaves; `None` where it has no picture yet.
+    /// What `auto` takes.
+    pub auto: Combination,
+    /// The error that it leaves; `None` where it has no picture yet.
     pub auto_error: Option<f64>,
     /// How that compares.
     pub standing: Standing,
@@ -80,15 +82,16 @@ pub struct Choice {
 struct Judge<'a> {
     curves: &'a BTreeMap<Combination, Curve>,
     points: &'a [Point],
-    auto: Combination,
+    /// What `auto` takes for so many seconds.
+    auto: &'a dyn Fn(f64) -> Combination,
 }
 
 impl Verdict {
-    /// Judges the curves of a scene.
+    /// Judges the curves of a scene; `auto` tells what `auto` takes for so many seconds.
     pub(super) fn of(
         curves: &BTreeMap<Combination, Curve>,
         points: &[Point],
-        auto: Combination,
+        auto: &dyn Fn(f64) -> Combination,
         reference: &ReferenceScores,
     ) -> Self {
         let judge = Judge { curves, points, auto };
@@ -98,7 +101,7 @@ impl Verdict {
         Self {
             headline: headline(&choices),
             reasons: judge.reasons(last, reference),
-            auto: judge.auto(&choices, last),
+            auto: of_auto(&choices, last),
             standing: last.standing,
             choices,
         }
@@ -107,16 +110,17 @@ impl Verdict {
 
 /// Round times, 1, 2 and 5 times powers of ten, from the first picture to where half of the curves have ended, or that of `auto`
 /// has: with more samples it might have been better.
-fn budgets(curves: &BTreeMap<Combination, Curve>, auto: Combination) -> Vec<f64> {
+fn budgets(curves: &BTreeMap<Combination, Curve>, auto: &dyn Fn(f64) -> Combination) -> Vec<f64> {
     let ranges: Vec<[f64; 2]> = curves.values().filter_map(Curve::range).collect();
     let mut ends: Vec<f64> = ranges.iter().map(|range| range[1]).collect();
     ends.sort_by(f64::total_cmp);
     let Some(&end) = ends.get(ends.len() / 2) else { return Vec::new() };
-    let of_auto = curves.get(&auto).and_then(Curve::range);
-    let end = of_auto.map_or(end, |range| end.min(range[1]));
+    let end_of_auto = |seconds: f64| Some(curves.get(&auto(seconds)).and_then(Curve::range)?[1]);
+    let end = end_of_auto(end).map_or(end, |of_auto| end.min(of_auto));
     let start = ranges.iter().fold(f64::INFINITY, |least, range| least.min(range[0]));
     let all: Vec<f64> = (-4..=6)
         .flat_map(|power| [1, 2, 5].map(|one| decimal(one, power)))
+        .filter(|&seconds| end_of_auto(seconds).is_none_or(|of_auto| seconds <= of_auto))
         .filter(|seconds| (start..=end).contains(seconds))
         .collect();
     match all.len() {
@@ -152,6 +156,41 @@ fn headline(choices: &[Choice]) -> String {
     format!("{}.", told.join("; "))
 }
 
+/// What `auto` takes, and whether that is right.
+fn of_auto(choices: &[Choice], last: &Choice) -> String {
+    let (auto, time) = (last.auto, seconds(last.seconds));
+    let errors = |error: f64| {
+        format!("({} against {} by {})", relative_l2(error), relative_l2(last.error), last.best)
+    };
+    let facts = match last.auto_error {
+        None => format!("which has no picture after {time}"),
+        Some(_) if last.best == auto => format!("which is the best after {time}"),
+        Some(error) if last.standing == Standing::Right => {
+            format!("which is as good as the best after {time} {}", errors(error))
+        }
+        Some(error) => format!(
+            "which after {time} leaves {} times as much as the best {}",
+            factor(error / last.error),
+            errors(error)
+        ),
+    };
+    let verdict = match last.standing {
+        Standing::Right => "right",
+        Standing::Wrong => "not the best choice here",
+        Standing::Open => "perhaps not the best choice: it takes more seeds to tell",
+    };
+    let good = choices.iter().filter(|choice| choice.take == choice.auto).count();
+    let all = match choices.len() {
+        1 => String::new(),
+        count => format!(" (as good as the best at {good} of {count} budgets)"),
+    };
+    let before = match choices.iter().rev().find(|choice| choice.auto != auto) {
+        Some(other) => format!("{} up to {} and then ", other.auto, seconds(other.seconds)),
+        None => String::new(),
+    };
+    format!("“auto” takes {before}{auto}, {facts}: {verdict}{all}.")
+}
+
 impl Judge<'_> {
     fn choose(&self, seconds: f64) -> Option<Choice> {
         let mut ranked: Vec<(Combination, f64)> = self
@@ -165,18 +204,19 @@ impl Judge<'_> {
         let is_clear = rival.is_some_and(|(rival, other)| {
             other >= SAME * error && self.is_apart(best, rival, seconds)
         });
-        let auto_error = ranked.iter().find(|(one, _)| *one == self.auto).map(|&(_, error)| error);
+        let auto = (self.auto)(seconds);
+        let auto_error = ranked.iter().find(|(one, _)| *one == auto).map(|&(_, error)| error);
         let standing = match auto_error {
             Some(of_auto) if of_auto < SAME * error => Standing::Right,
-            Some(of_auto) if self.is_apart(best, self.auto, seconds) || of_auto.is_nan() => {
+            Some(of_auto) if self.is_apart(best, auto, seconds) || of_auto.is_nan() => {
                 Standing::Wrong
             }
             Some(of_auto) if of_auto < OPEN * error => Standing::Right,
             Some(_) => Standing::Open,
             None => Standing::Wrong,
         };
-        let take = if standing == Standing::Right { self.auto } else { best };
-        Some(Choice { seconds, best, error, rival, is_clear, auto_error, standing, take })
+        let take = if standing == Standing::Right { auto } else { best };
+        Some(Choice { seconds, best, error, rival, is_clear, auto, auto_error, standing, take })
     }
 
     /// Do the seeds tell the errors of two combinations apart at a time? By the last measurements until then.
@@ -190,36 +230,6 @@ impl Judge<'_> {
         let until =
             |point: &&Point| point.combination == combination && point.seconds.mean <= seconds;
         self.points.iter().filter(until).max_by(|a, b| a.seconds.mean.total_cmp(&b.seconds.mean))
-    }
-
-    fn auto(&self, choices: &[Choice], last: &Choice) -> String {
-        let (auto, time) = (self.auto, seconds(last.seconds));
-        let errors = |error: f64| {
-            format!("({} against {} by {})", relative_l2(error), relative_l2(last.error), last.best)
-        };
-        let facts = match last.auto_error {
-            None => format!("which has no picture after {time}"),
-            Some(_) if last.best == auto => format!("which is the best after {time}"),
-            Some(error) if last.standing == Standing::Right => {
-                format!("which is as good as the best after {time} {}", errors(error))
-            }
-            Some(error) => format!(
-                "which after {time} leaves {} times as much as the best {}",
-                factor(error / last.error),
-                errors(error)
-            ),
-        };
-        let verdict = match last.standing {
-            Standing::Right => "right",
-            Standing::Wrong => "not the best choice here",
-            Standing::Open => "perhaps not the best choice: it takes more seeds to tell",
-        };
-        let good = choices.iter().filter(|choice| choice.take == auto).count();
-        let all = match choices.len() {
-            1 => String::new(),
-            count => format!(" (as good as the best at {good} of {count} budgets)"),
-        };
-        format!("“auto” takes {auto}, {facts}: {verdict}{all}.")
     }
 
     fn reasons(&self, last: &Choice, reference: &ReferenceScores) -> Vec<String> {

@@ -4,7 +4,7 @@ use super::Error;
 use super::settings::{Filter, Method, ReferenceBudget};
 use super::unit::{Measure, PICTURE, Picture, REFERENCE, RUN, ReferenceHalf, Run};
 use crate::folder::write_json;
-use crate::integrator::{Choice, Integrator};
+use crate::integrator::{Choice, Integrator, LightProbe, Purpose};
 use crate::render::{Budget, RenderSettings, Rendering};
 use crate::scene::Scene;
 use quietlight_denoise::exr::{self, WriteOptions};
@@ -44,7 +44,8 @@ pub(super) fn make_reference(
     seed: u64,
     workshop: &Workshop<'_>,
 ) -> Result<bool, Error> {
-    let Choice { integrator, reason } = workshop.threads.install(|| Choice::of(workshop.scene));
+    let light = workshop.threads.install(|| LightProbe::of(workshop.scene));
+    let Choice { integrator, reason } = Choice::by(&light, Purpose::default());
     let budget = workshop.reference.budget();
     let settings = RenderSettings { budget, ..render_settings(integrator, seed) };
     let rendered = workshop.threads.install(|| {
@@ -59,6 +60,7 @@ pub(super) fn make_reference(
     let record = ReferenceHalf {
         integrator: integrator.name().to_owned(),
         settings: integrator.settings(),
+        light,
         reason,
         seed,
         samples: rendered.samples,

@@ -3,7 +3,7 @@
 use super::{megabytes, say};
 use crate::film::Film;
 use crate::geometry::Part;
-use crate::integrator::Choice;
+use crate::integrator::{Choice, Effort, Purpose};
 use crate::render::RenderSettings;
 use crate::render::survey::Survey;
 use crate::scene::{Inventory, Requirements, Scene};
@@ -22,10 +22,11 @@ pub(super) struct Facts {
 
 impl Facts {
     /// Looks at the scene, and sends some walks into it.
-    pub(super) fn of(scene: &Scene) -> Self {
+    pub(super) fn of(scene: &Scene, is_denoised: bool) -> Self {
+        let purpose = Purpose { is_denoised, effort: Some(Effort::Samples(scene.samples)) };
         Self {
             requirements: Requirements::of(scene),
-            choice: Choice::of(scene),
+            choice: Choice::of(scene, purpose),
             inventory: Inventory::of(scene),
             survey: Survey::of(scene, &RenderSettings::default()),
         }

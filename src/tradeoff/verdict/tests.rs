@@ -28,7 +28,7 @@ fn point(combination: Combination, seconds: f64, error: f64, spread: f64) -> Poi
 }
 
 /// Path tracing with error 1/t from a tenth of a second to ten, and energy redistribution with 0.5/t from one to ten.
-fn verdict(auto: Combination, spread: f64) -> Verdict {
+fn verdict(auto: impl Fn(f64) -> Combination, spread: f64) -> Verdict {
     let mut points = Vec::new();
     for time in [0.1, 1.0, 10.0] {
         points.push(point(PATH, time, 1.0 / time, spread / time));
@@ -49,12 +49,12 @@ fn verdict(auto: Combination, spread: f64) -> Verdict {
         seconds: 1.0,
         noise: 1e-9,
     };
-    Verdict::of(&curves, &points, auto, &reference)
+    Verdict::of(&curves, &points, &auto, &reference)
 }
 
 #[test]
 fn the_choice_changes_with_the_budget() {
-    let verdict = verdict(ERPT, 0.01);
+    let verdict = verdict(|_| ERPT, 0.01);
     assert_eq!(
         verdict.headline,
         "Up to 0.5 s, take path, not denoised; beyond that, erpt, not denoised."
@@ -74,7 +74,7 @@ fn the_choice_changes_with_the_budget() {
 
 #[test]
 fn auto_is_wrong_where_the_seeds_tell_another_apart_and_only_there() {
-    let clear = verdict(PATH, 0.01);
+    let clear = verdict(|_| PATH, 0.01);
     assert_eq!(clear.standing, Standing::Wrong);
     assert!(
         clear.auto.contains("after 10 s leaves 2.0 times as much as the best (0.1 against 5.0e-2"),
@@ -82,6 +82,19 @@ fn auto_is_wrong_where_the_seeds_tell_another_apart_and_only_there() {
         clear.auto
     );
     // Intervals of 0.3/t around 1/t and 0.5/t overlap: they may be the same, and the one may be twice the other.
-    let open = verdict(PATH, 0.3);
+    let open = verdict(|_| PATH, 0.3);
     assert!(open.standing == Standing::Open && !open.choices[4].is_clear, "{open:?}");
+}
+
+#[test]
+fn auto_may_change_with_the_budget() {
+    let verdict = verdict(|seconds| if seconds < 0.7 { PATH } else { ERPT }, 0.01);
+    let taken: Vec<Combination> = verdict.choices.iter().map(|choice| choice.auto).collect();
+    assert_eq!(taken, [PATH, PATH, ERPT, ERPT, ERPT]);
+    assert!(verdict.choices.iter().all(|choice| choice.standing == Standing::Right), "{verdict:?}");
+    assert_eq!(
+        verdict.auto,
+        "“auto” takes path, not denoised up to 0.5 s and then erpt, not denoised, which is the best after 10 s: right \
+         (as good as the best at 5 of 5 budgets)."
+    );
 }
