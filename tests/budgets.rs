@@ -1,9 +1,7 @@
 //! Budgets keep their word: errors are judged on the picture that is written, and nothing is spent beyond what may be.
 
 use crate::support::scenes::scene_around;
-use quietlight::render::{
-    Budget, Ending, RenderSettings, Rendering, SamplerKind, Target, adaptive,
-};
+use quietlight::render::{Budget, Ending, RenderSettings, Rendering, SamplerKind, Target};
 use quietlight::scene::Scene;
 use quietlight_denoise::{LayerKind, exr};
 use std::convert::Infallible;
@@ -178,14 +176,19 @@ fn where_samples_go_does_not_change_the_mean() {
                     seed: seed + if adapts { 1000 } else { 0 },
                     sampler: SamplerKind::Independent,
                     integrator: by_chance.into(),
+                    is_adaptive: true,
                     ..RenderSettings::default()
                 };
-                let judge = |layers: &quietlight_denoise::Layers| {
-                    let pilot = &layers.layers[&LayerKind::Beauty].mean;
+                let rendered = threads.install(|| {
+                    let mut rendering = Rendering::new(&scene, &settings);
+                    rendering.run(settings.budget, &|_| {}, &stop);
+                    let pilot = &rendering.layers().layers[&LayerKind::Beauty].mean;
                     let brightness = pilot.slice(ndarray::s![0..1, .., ..]).to_owned();
-                    Ok::<_, Infallible>(adapts.then_some(brightness))
-                };
-                let Ok(rendered) = adaptive(&scene, &settings, &threads, &|_| {}, &stop, judge);
+                    rendering.spread(adapts.then_some(&brightness));
+                    rendering.run(settings.budget, &|_| {}, &stop);
+                    rendering.finish()
+                });
+                assert!(rendered.samples > 4, "beyond the pilot");
                 let layer = &rendered.layers.layers[&LayerKind::Beauty];
                 let [a, b] = layer.halves.as_ref().expect("halves");
                 let difference = (a + b) * 0.5 - &layer.mean;
@@ -224,6 +227,24 @@ fn adaptive_pictures_have_all_layers_and_whole_counts() {
     assert_eq!(same.layers[&LayerKind::Beauty].mean, layers.layers[&LayerKind::Beauty].mean);
     for refused in [["--adaptive", "--denoiser=none"], ["--adaptive", "--integrator=bdpt"]] {
         assert_eq!(render(&refused, folder.path()).1.status.code(), Some(2));
+    }
+}
+
+#[test]
+fn a_budget_of_time_is_spent_adaptively_where_there_is_enough_of_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = ["--integrator", "path", "--threads", "1"];
+    for (asked, adapts) in [
+        // A millisecond of a thread for a pixel, or a tenth of one.
+        (&["--time", "1s"][..], true),
+        (&["--time", "100ms"], false),
+        (&["--time", "1s", "--adaptive=off"], false),
+        (&["--time", "1s", "--denoiser", "none"], false),
+        (&["--spp", "64"], false),
+    ] {
+        let (outcome, done) = render(&[&path[..], asked].concat(), folder.path());
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        assert_eq!(outcome["facts"]["adaptive"].is_string(), adapts, "{asked:?}: {outcome}");
     }
 }
 

@@ -97,6 +97,48 @@ fn a_render_that_is_ended_and_resumed_over_and_over_is_the_one_that_was_not() {
     }
 }
 
+#[test]
+fn an_adaptive_render_that_is_ended_in_its_pilot_and_after_it_is_the_one_that_was_not() {
+    let scene = scene();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("picture.checkpoint");
+    let settings = RenderSettings { is_adaptive: true, ..of(PathTracing::default().into(), 83) };
+    let spread = |rendering: &mut Rendering<'_>| {
+        let pilot = &rendering.layers().layers[&LayerKind::Beauty].mean;
+        let brightness = pilot.slice(ndarray::s![0..1, .., ..]).to_owned();
+        rendering.spread(Some(&brightness));
+    };
+    let mut whole = Rendering::new(&scene, &settings);
+    whole.run(settings.budget, &|_| {}, &AtomicBool::new(false));
+    assert!(whole.is_pilot() && whole.samples() == 20 && !whole.state().header.is_complete);
+    spread(&mut whole);
+    whole.run(settings.budget, &|_| {}, &AtomicBool::new(false));
+    assert!(whole.state().header.is_complete);
+    let whole = whole.finish();
+
+    let mut rendering = Rendering::new(&scene, &settings);
+    let (mut in_pilot, mut after) = (0, 0);
+    while !rendering.state().header.is_complete {
+        if run_for(&mut rendering, settings.budget, 5) && rendering.is_pilot() {
+            spread(&mut rendering);
+        }
+        rendering.state().write(&path).expect("the state is written");
+        let state = State::read(&path).expect("the state is whole");
+        rendering = Rendering::resume(&scene, &settings, state).expect("it is the same render");
+        if rendering.is_pilot() { in_pilot += 1 } else { after += 1 }
+    }
+    assert!(in_pilot >= 3 && after >= 3, "resumed {in_pilot} and {after} times");
+    assert_same_bits(&rendering.finish(), &whole, "adaptive");
+    // Even samples do not go on from it, nor it from a longer one.
+    for other in [
+        RenderSettings { is_adaptive: false, ..settings },
+        RenderSettings { budget: Budget::Samples(84), ..settings },
+    ] {
+        let state = State::read(&path).expect("the state is whole");
+        assert!(Rendering::resume(&scene, &other, state).is_err(), "{other:?}");
+    }
+}
+
 /// Renders all shards, each on another number of threads, into files.
 fn shards(scene: &Scene, settings: &RenderSettings, count: u32, folder: &Path) -> Vec<PathBuf> {
     let render = |index: u32| {

@@ -4,7 +4,7 @@ mod choices;
 mod values;
 
 pub(super) use choices::{
-    Denoiser, Integrator, Marks, Mutation, Quality, Sampler, Strategy, Walks,
+    Adaptive, Denoiser, Integrator, Marks, Mutation, Quality, Sampler, Strategy, Walks,
 };
 pub(super) use values::{Interval, time};
 
@@ -134,9 +134,9 @@ pub(super) struct Render {
     #[arg(long, value_name = "I/N", default_value = "0/1", conflicts_with_all = ["time", "target_error", "strategies", "replay"])]
     pub(super) shard: Shard,
     /// With path tracing and a denoiser: take a quarter of the samples evenly, and the rest where the denoised picture of
-    /// these is worst. Not kept from time to time
-    #[arg(long, conflicts_with_all = ["target_error", "resume", "shard", "replay"])]
-    pub(super) adaptive: bool,
+    /// these is worst
+    #[arg(long, value_enum, default_value_t, num_args = 0..=1, require_equals = true, default_missing_value = "on", conflicts_with_all = ["target_error", "shard", "replay"])]
+    pub(super) adaptive: Adaptive,
     /// What takes the noise out
     #[arg(long, value_enum, default_value_t)]
     pub(super) denoiser: Denoiser,

@@ -49,12 +49,15 @@ pub(super) fn of(arguments: &Render, scene: &Scene, threads: usize) -> Integrato
     }
 }
 
+/// Seconds of one thread that there are for each pixel of a picture with a budget of time.
+pub(super) fn seconds_per_pixel(arguments: &Render, scene: &Scene, threads: usize) -> Option<f64> {
+    let pixels = scene.film.crop_pixels() as f64;
+    arguments.time.map(|time| time.as_secs_f64() * threads as f64 / pixels)
+}
+
 fn purpose(arguments: &Render, scene: &Scene, threads: usize) -> Purpose {
-    let effort = match (arguments.time, arguments.target_error) {
-        (Some(time), _) => {
-            let per_pixel = time.as_secs_f64() / scene.film.crop_pixels() as f64;
-            Some(Effort::Seconds(per_pixel * threads as f64))
-        }
+    let effort = match (seconds_per_pixel(arguments, scene, threads), arguments.target_error) {
+        (Some(seconds), _) => Some(Effort::Seconds(seconds)),
         (None, Some(_)) => None,
         (None, None) => Some(Effort::Samples(arguments.spp.unwrap_or(scene.samples))),
     };

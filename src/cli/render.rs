@@ -1,11 +1,12 @@
 //! `quietlight render`: a scene in, a denoised EXR with all layers and a PNG out.
 
-use super::args::{Render, Sampler, SceneArguments};
+use super::args::{Adaptive, Denoiser, Render, Sampler, SceneArguments};
 use super::keep::Keeper;
 use super::outcome::Outcome;
 use super::spending::{Finished, Spending, Spent};
 use super::strategies::Pyramid;
 use super::{BadInput, Failure, denoising, integrator, replay};
+use crate::integrator::Integrator;
 use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, check_memory};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
@@ -16,6 +17,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+
+/// Seconds of one thread on a pixel from which on a budget of time is spent adaptively, where nothing else is said: denoising the
+/// pilot and its halves then takes less than a twentieth of it.
+const ADAPTIVE_FROM: f64 = 2.5e-4;
 
 /// True once the user asked to stop.
 pub(super) static STOP: AtomicBool = AtomicBool::new(false);
@@ -35,9 +40,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         return replay::run(&scene, &settings, [x, y], sample);
     }
     check_memory(&scene, &settings).bad_input()?;
-    if arguments.adaptive
-        && (!settings.integrator.is_path() || arguments.denoiser == super::args::Denoiser::None)
-    {
+    if arguments.adaptive == Adaptive::On && !can_adapt(arguments, settings.integrator) {
         return Err(anyhow::anyhow!(
             "--adaptive is for path tracing with a denoiser; here it is {} with --denoiser {:?}",
             settings.integrator.name(),
@@ -122,6 +125,11 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Can samples go where the denoised picture needs them?
+fn can_adapt(arguments: &Render, integrator: Integrator) -> bool {
+    integrator.is_path() && arguments.denoiser != Denoiser::None && arguments.replay.is_none()
+}
+
 /// Loads a scene and tells its warnings.
 pub(super) fn load(arguments: &SceneArguments) -> Result<Scene, Failure> {
     let options = LoadOptions { definitions: arguments.definitions.clone(), size: arguments.size };
@@ -136,6 +144,17 @@ pub(super) fn load(arguments: &SceneArguments) -> Result<Scene, Failure> {
 }
 
 fn settings(arguments: &Render, scene: &Scene, threads: usize) -> RenderSettings {
+    let integrator = integrator::of(arguments, scene, threads);
+    let is_adaptive = match arguments.adaptive {
+        Adaptive::On => true,
+        Adaptive::Off => false,
+        Adaptive::Auto => {
+            can_adapt(arguments, integrator)
+                && arguments.target_error.is_none()
+                && integrator::seconds_per_pixel(arguments, scene, threads)
+                    .is_some_and(|seconds| seconds >= ADAPTIVE_FROM)
+        }
+    };
     RenderSettings {
         budget: match arguments.time {
             Some(time) => Budget::Time(time),
@@ -146,8 +165,9 @@ fn settings(arguments: &Render, scene: &Scene, threads: usize) -> RenderSettings
             Sampler::Sobol => SamplerKind::Sobol,
             Sampler::Independent => SamplerKind::Independent,
         },
-        integrator: integrator::of(arguments, scene, threads),
+        integrator,
         shard: arguments.shard,
+        is_adaptive,
         ..RenderSettings::default()
     }
 }

@@ -6,7 +6,7 @@ use super::progress::Progress;
 use super::render::STOP;
 use super::{Failure, denoising};
 use crate::render::probe;
-use crate::render::{Budget, Ending, RenderSettings, Rendered, Rendering, Target, adaptive};
+use crate::render::{Budget, Ending, RenderSettings, Rendered, Rendering, Target};
 use crate::scene::Scene;
 use anyhow::Context;
 use quietlight_denoise::exr::{self, WriteOptions};
@@ -118,34 +118,44 @@ impl Spending<'_> {
         settings: RenderSettings,
         denoiser: Option<&Denoiser>,
     ) -> Result<Rendered, Failure> {
-        if let (true, Some(denoiser)) = (self.arguments.adaptive, denoiser) {
-            return self.adaptive(settings, denoiser);
+        let mut rendering = self.run(settings)?;
+        if rendering.is_pilot() && !STOP.load(Ordering::Relaxed) {
+            let start = Instant::now();
+            let error = self.error_of(&rendering, denoiser)?;
+            self.threads.install(|| rendering.spread(error.as_ref()));
+            let budget = match settings.budget {
+                Budget::Time(time) => Budget::Time(time.saturating_sub(start.elapsed())),
+                samples => samples,
+            };
+            self.go_on(&mut rendering, budget);
         }
-        let rendering = self.run(settings)?;
         Ok(self.threads.install(|| rendering.finish()))
     }
 
-    /// Renders adaptively, by the estimated error of the denoised pilot.
-    fn adaptive(&self, settings: RenderSettings, denoiser: &Denoiser) -> Result<Rendered, Failure> {
-        let progress = self.progress(settings.budget);
-        let show = shown(&progress, settings.budget);
-        let judge = |layers: &Layers| -> anyhow::Result<Option<Image>> {
-            let denoised = denoising::run(denoiser, layers, self.threads)?;
-            let error = denoising::estimate(&denoised, denoiser, layers, self.threads)?;
-            Ok(error.map(|error| error.map))
-        };
-        let rendered = adaptive(self.scene, &settings, self.threads, &show, &STOP, judge)?;
-        progress.finish();
-        Ok(rendered)
+    /// The map of the error of what is denoised so far; `None` where it cannot be told.
+    fn error_of(
+        &self,
+        rendering: &Rendering<'_>,
+        denoiser: Option<&Denoiser>,
+    ) -> Result<Option<Image>, Failure> {
+        let Some(denoiser) = denoiser else { return Ok(None) };
+        let layers = self.threads.install(|| rendering.layers());
+        let denoised = denoising::run(denoiser, &layers, self.threads)?;
+        let error = denoising::estimate(&denoised, denoiser, &layers, self.threads)?;
+        Ok(error.map(|error| error.map))
     }
 
     fn run(&self, settings: RenderSettings) -> Result<Rendering<'_>, Failure> {
         let mut rendering = self.keeper.begin(self.scene, &settings, self.threads)?;
-        let progress = self.progress(settings.budget);
-        let show = shown(&progress, settings.budget);
-        self.keeper.run(&mut rendering, settings.budget, self.threads, &show);
-        progress.finish();
+        self.go_on(&mut rendering, settings.budget);
         Ok(rendering)
+    }
+
+    fn go_on(&self, rendering: &mut Rendering<'_>, budget: Budget) {
+        let progress = self.progress(budget);
+        let show = shown(&progress, budget);
+        self.keeper.run(rendering, budget, self.threads, &show);
+        progress.finish();
     }
 
     fn progress(&self, budget: Budget) -> Progress {

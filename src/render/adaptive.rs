@@ -9,13 +9,14 @@
 //! the picture would be too dark.)
 
 use super::average::ADAPTIVE;
-use super::sampled::Sampled;
-use super::{Budget, RenderSettings, Rendered, Rendering, Report};
+use super::method::{Found, Method, Report};
+use super::sampled::{Sampled, Samples};
+use super::{Budget, RenderSettings};
 use crate::film::sum_to_beauty;
 use crate::scene::Scene;
-use quietlight_denoise::{Image, Layer, Layers, variance};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use quietlight_denoise::{Image, Layer, Layers};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// The part of the samples, or of the time, that the pilot takes.
 const PILOT: u32 = 4;
@@ -26,99 +27,148 @@ const FEWEST_OF_PILOT: u32 = 4;
 /// A pixel gets at most so many times the samples of the mean, and at least that part of it.
 const MOST: f64 = 8.0;
 
-/// Steps in which the rest is taken, between which the clock and Ctrl-C are heeded.
-const STEPS: u32 = 64;
+/// Fewest rounds in which the rest is taken.
+const ROUNDS: u32 = 64;
 
 /// What the seed of the rest differs by.
 const REST: u64 = 0x5eed_0000_ada9_71fe;
 
-/// Renders by path tracing, adaptively; not to be called on the threads of `threads`. `judge` gets the layers of the pilot and
-/// gives a map of its error, `[1, height, width]`; without one, the rest is spread evenly.
-///
-/// # Errors
-/// Those of `judge`.
-///
-/// # Panics
-/// If the map has not the size of the picture.
-pub fn adaptive<E>(
-    scene: &Scene,
-    settings: &RenderSettings,
-    threads: &rayon::ThreadPool,
-    progress: &(dyn Fn(u64) + Sync),
-    stop: &AtomicBool,
-    judge: impl FnOnce(&Layers) -> Result<Option<Image>, E>,
-) -> Result<Rendered, E> {
-    let start = Instant::now();
-    let mut pilot = Rendering::new(scene, settings);
-    let of_pilot = match settings.budget {
+/// What the pilot may spend of a budget.
+pub(super) fn pilot(budget: Budget) -> Budget {
+    match budget {
         Budget::Samples(samples) => {
             Budget::Samples((samples / PILOT).max(FEWEST_OF_PILOT).min(samples))
         }
         Budget::Time(time) => Budget::Time(time / PILOT),
-    };
-    threads.install(|| pilot.run(of_pilot, progress, stop));
-    let layers = threads.install(|| pilot.layers());
-    let first = pilot.samples();
-    let seconds_each = start.elapsed().as_secs_f64() / f64::from(first.max(1));
-    let error = if stop.load(Ordering::Relaxed) { None } else { judge(&layers)? };
-    let left = match settings.budget {
-        Budget::Samples(samples) => samples - first,
-        // More than there will be time for; the clock ends it.
-        Budget::Time(time) => {
-            let left = time.saturating_sub(start.elapsed()).as_secs_f64();
-            (1.5 * left / seconds_each) as u32
-        }
-    };
-    if left < 2 || stop.load(Ordering::Relaxed) {
-        return Ok(threads.install(|| pilot.finish()));
     }
+}
 
-    let pixels = layers.width * layers.height;
-    let counts = match &error {
-        Some(error) => {
-            assert_eq!(error.dim(), (1, layers.height, layers.width), "a map of the picture");
-            let error: Vec<f64> = error.iter().map(|&error| f64::from(error)).collect();
-            allocate(&error, left)
-        }
-        None => vec![left; pixels],
-    };
-    let settings_of_rest = RenderSettings { seed: settings.seed ^ REST, ..*settings };
-    let mut rest = Sampled::new(scene, &settings_of_rest);
-    let mut steps = 0;
-    let is_over = || matches!(settings.budget, Budget::Time(time) if start.elapsed() >= time);
-    while steps < STEPS && !(steps > 0 && (is_over() || stop.load(Ordering::Relaxed))) {
-        let due = |count: u32, steps: u32| {
-            // Always whole pairs, one for each half.
-            2 * ((u64::from(count) * u64::from(steps)).div_ceil(2 * u64::from(STEPS)) as u32)
+/// How the samples after the pilot are spread, and how many of them are taken.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Spread {
+    /// Samples per pixel of the pilot.
+    pilot: u32,
+    /// Those of the rest for each pixel, row after row.
+    counts: Vec<u32>,
+    /// Rounds that take them, and those done.
+    rounds: u32,
+    done: u32,
+    /// Samples of the rest so far, of the whole picture.
+    taken: u64,
+}
+
+impl Spread {
+    /// `rest` samples per pixel on average, by the error of the `pilot`, `[1, height, width]`; evenly without one.
+    /// `seconds` is about how long they will take, so that rounds are of a second or less.
+    ///
+    /// # Panics
+    /// If the error has not the size of the picture.
+    pub(super) fn new(
+        scene: &Scene,
+        pilot: u32,
+        rest: u32,
+        error: Option<&Image>,
+        seconds: f64,
+    ) -> Self {
+        let [_, _, width, height] = scene.film.crop.map(|number| number as usize);
+        let counts = match error {
+            Some(error) => {
+                assert_eq!(error.dim(), (1, height, width), "a map of the picture");
+                let error: Vec<f64> = error.iter().map(|&error| f64::from(error)).collect();
+                allocate(&error, rest)
+            }
+            None => vec![rest; width * height],
         };
-        let taken = threads.install(|| {
-            rest.pass_each(|pixel| due(counts[pixel], steps)..due(counts[pixel], steps + 1))
-        });
-        steps += 1;
-        progress(u64::from(first) * pixels as u64 + taken);
+        let rounds = (seconds.min(1e6) as u32).max(ROUNDS);
+        Self { pilot, counts, rounds, done: 0, taken: 0 }
     }
 
-    Ok(threads.install(|| {
-        let mut layers_of_rest = rest.taken().layers(scene.origin);
-        layers_of_rest.layers.values_mut().for_each(variance::correct_variances);
-        let taken = layers_of_rest.samples.as_ref().map_or(0.0, |samples| {
-            samples.iter().map(|&count| f64::from(count)).sum::<f64>() / pixels as f64
-        });
-        let weight = f64::from(first) / (f64::from(first) + taken);
-        let (fewest, most) = (counts.iter().min(), counts.iter().max());
+    fn pixels(&self) -> f64 {
+        self.counts.len() as f64
+    }
+
+    /// Samples of the rest per pixel so far, on average.
+    fn mean(&self) -> f64 {
+        self.taken as f64 / self.pixels()
+    }
+
+    /// Samples per pixel so far, those of the pilot included.
+    pub(super) fn samples(&self) -> u32 {
+        self.pilot + self.mean().round() as u32
+    }
+
+    /// The same of the whole picture.
+    pub(super) fn all(&self) -> u64 {
+        u64::from(self.pilot) * self.counts.len() as u64 + self.taken
+    }
+
+    /// The mean of the layers of the pilot and those of the rest, both with their variances corrected.
+    pub(super) fn weigh(&self, pilot: Layers, rest: &Layers) -> Layers {
+        let weight = f64::from(self.pilot) / (f64::from(self.pilot) + self.mean());
+        if self.taken == 0 { pilot } else { weigh(pilot, rest, weight as f32) }
+    }
+
+    /// How samples were spread, in words.
+    pub(super) fn report(&self) -> Report {
+        let (fewest, most) = (self.counts.iter().min(), self.counts.iter().max());
         let spread = format!(
-            "{first} samples per pixel, then {taken:.1} on average, planned from {} to {}",
+            "{} samples per pixel, then {:.1} on average, planned from {} to {}",
+            self.pilot,
+            self.mean(),
             fewest.unwrap_or(&0),
             most.unwrap_or(&0)
         );
-        Rendered {
-            layers: weigh(layers, &layers_of_rest, weight as f32),
-            samples: first + taken.round() as u32,
-            invalid_samples: pilot.invalid_samples() + rest.taken().invalid(),
-            elapsed: start.elapsed(),
-            report: Report { facts: vec![(ADAPTIVE.to_owned(), spread)], ..Report::default() },
-        }
-    }))
+        Report { facts: vec![(ADAPTIVE.to_owned(), spread)], ..Report::default() }
+    }
+}
+
+/// The rest under way.
+#[derive(Debug)]
+pub(super) struct Rest<'a> {
+    spread: Spread,
+    sampled: Sampled<'a>,
+}
+
+impl<'a> Rest<'a> {
+    /// Goes on from samples that were taken before, or begins without any.
+    pub(super) fn new(
+        scene: &'a Scene,
+        settings: &RenderSettings,
+        spread: Spread,
+        taken: Option<Samples>,
+    ) -> Self {
+        let settings = RenderSettings { seed: settings.seed ^ REST, ..*settings };
+        let sampled = Sampled::new(scene, &settings);
+        let sampled = match taken {
+            Some(taken) => sampled.with(taken),
+            None => sampled,
+        };
+        Self { spread, sampled }
+    }
+}
+
+impl Method for Rest<'_> {
+    /// However many samples there are to be: they were spread before.
+    fn round(&mut self, _most: u32) {
+        let Spread { counts, rounds, done, taken, .. } = &mut self.spread;
+        let due = |count: u32, done: u32| {
+            // Always whole pairs, one for each half.
+            let pairs = u64::from(count) * u64::from(done);
+            2 * (pairs.div_ceil(2 * u64::from(*rounds)) as u32)
+        };
+        *taken = self
+            .sampled
+            .pass_each(|pixel| due(counts[pixel], *done)..due(counts[pixel], *done + 1));
+        *done += 1;
+    }
+
+    fn is_complete(&self, _most: u32) -> bool {
+        self.spread.done >= self.spread.rounds
+    }
+
+    fn found(&self) -> Found<'_> {
+        Found::Spread(Cow::Borrowed(&self.spread), Cow::Borrowed(self.sampled.taken()))
+    }
 }
 
 /// Samples for each pixel, `mean` on average, in proportion to the root of its error between the bounds.

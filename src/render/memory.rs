@@ -76,6 +76,8 @@ pub(super) fn bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
     let radiance = Film::radiance_bytes(film, &requirements);
     let splats = SplatFilm::bytes(film, true);
     let more = match settings.integrator {
+        // The films of the pilot and of the rest.
+        Integrator::Path(_) if settings.is_adaptive => features,
         Integrator::Path(_) => 0,
         Integrator::Bdpt(_) | Integrator::Pssmlt(_) | Integrator::Mlt(_) => splats + radiance,
         Integrator::Erpt(erpt) => {

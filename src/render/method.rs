@@ -1,6 +1,7 @@
 //! What every method but path tracing must offer to be run, and what methods find.
 
 use super::RenderSettings;
+use super::adaptive::{Rest, Spread};
 use super::bidirectional::{self, Bidirectional};
 use super::chains::{self, Chains};
 use super::redistribution::{self, Redistribution};
@@ -40,6 +41,8 @@ pub(super) enum Found<'a> {
     /// With the light that was left to path tracing.
     Redistribution(Cow<'a, redistribution::Deposited>, Option<Cow<'a, Samples>>),
     Visibility(visibility::Halves<'a>),
+    /// The samples of adaptive path tracing after its pilot.
+    Spread(Cow<'a, Spread>, Cow<'a, Samples>),
 }
 
 /// What a method tells at the end.
@@ -59,6 +62,7 @@ impl Found<'_> {
             Self::Chains(splats, _) => splats.samples(),
             Self::Redistribution(deposited, _) => deposited.mutations(),
             Self::Visibility(halves) => halves.samples(),
+            Self::Spread(spread, _) => spread.samples(),
         }
     }
 
@@ -69,6 +73,7 @@ impl Found<'_> {
             Self::Chains(splats, _) => splats.done(),
             Self::Redistribution(deposited, _) => deposited.done(),
             Self::Visibility(halves) => halves.done(),
+            Self::Spread(spread, _) => spread.all(),
         }
     }
 
@@ -77,7 +82,7 @@ impl Found<'_> {
     pub(super) fn put_radiance(&self, layers: &mut Layers, origin: DVec3) {
         let direct = match self {
             Self::Chains(_, direct) | Self::Redistribution(_, direct) => direct.as_ref(),
-            Self::Bidirectional(_) | Self::Visibility(_) => None,
+            Self::Bidirectional(_) | Self::Visibility(_) | Self::Spread(..) => None,
         };
         if let Some(direct) = direct {
             replace_radiance(direct.layers(origin), layers);
@@ -96,6 +101,8 @@ impl Found<'_> {
             Self::Visibility(halves) => {
                 halves.film().put_into(layers, &Scale::of_samples(halves.samples()), radiance);
             }
+            // Has all layers, and they are weighed.
+            Self::Spread(..) => {}
         }
     }
 
@@ -114,6 +121,7 @@ impl Found<'_> {
             Self::Chains(splats, direct) => splats.invalid() + of_direct(direct),
             Self::Redistribution(deposited, direct) => deposited.invalid() + of_direct(direct),
             Self::Visibility(halves) => halves.invalid(),
+            Self::Spread(_, rest) => rest.invalid(),
         }
     }
 
@@ -124,6 +132,7 @@ impl Found<'_> {
             Self::Chains(splats, _) => splats.report(),
             Self::Redistribution(deposited, _) => deposited.report(),
             Self::Visibility(halves) => halves.report(),
+            Self::Spread(spread, _) => spread.report(),
         }
     }
 
@@ -161,14 +170,20 @@ fn replace_radiance(found: Layers, layers: &mut Layers) {
 }
 
 /// Starts the method of the settings, or goes on from what it found; `None` for path tracing, whose radiance comes with the
-/// features. What another method found is left.
+/// features, unless it was adaptive. What another method found is left.
 pub(super) fn start<'a>(
     scene: &'a Scene,
     settings: &RenderSettings,
     found: Option<Found<'static>>,
 ) -> Option<Box<dyn Method + 'a>> {
     match settings.integrator {
-        Integrator::Path(_) => None,
+        Integrator::Path(_) => match found {
+            Some(Found::Spread(spread, taken)) => {
+                let (spread, taken) = (spread.into_owned(), taken.into_owned());
+                Some(Box::new(Rest::new(scene, settings, spread, Some(taken))))
+            }
+            _ => None,
+        },
         Integrator::Bdpt(bdpt) => {
             let sums = match found {
                 Some(Found::Bidirectional(sums)) => Some(sums.into_owned()),

@@ -19,7 +19,6 @@ mod target;
 mod units;
 mod visibility;
 
-pub use adaptive::adaptive;
 pub use average::{Average, AverageError};
 pub use memory::{NotEnoughMemory, check_memory};
 pub use method::Report;
@@ -32,8 +31,9 @@ pub use target::{Ending, Target};
 
 use crate::integrator::Integrator;
 use crate::scene::Scene;
+use adaptive::{Rest, Spread};
 use method::Method;
-use quietlight_denoise::Layers;
+use quietlight_denoise::{Image, Layers};
 use sampled::{Sampled, next_pass};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -85,6 +85,9 @@ pub struct RenderSettings {
     /// Which part of the picture's samples or chains to take. A part has no picture of its own: [`State::merged`] makes it
     /// out of all of them, bit by bit as if there had been only one. Only for budgets of samples.
     pub shard: Shard,
+    /// Path tracing that ends after a quarter of its budget, a pilot; when it is told where the picture needs them
+    /// ([`Rendering::spread`]), it takes the other samples there.
+    pub is_adaptive: bool,
     /// Length of a pass: how often progress is whole and a stop is heeded.
     pub pass: Duration,
 }
@@ -97,6 +100,7 @@ impl Default for RenderSettings {
             sampler: SamplerKind::default(),
             integrator: Integrator::default(),
             shard: Shard::WHOLE,
+            is_adaptive: false,
             pass: Duration::from_secs(1),
         }
     }
@@ -185,7 +189,11 @@ impl<'a> Rendering<'a> {
     /// Goes on until there are so many samples per pixel, or this wall time is used up, that of earlier runs included.
     pub fn run(&mut self, budget: Budget, progress: &(dyn Fn(u64) + Sync), stop: &AtomicBool) {
         let clock = Clock { before: self.elapsed, start: Instant::now() };
-        if self.settings.integrator.is_path() {
+        if self.is_pilot() {
+            self.sample(adaptive::pilot(budget), &clock, progress, stop);
+        } else if self.method.is_some() && self.settings.integrator.is_path() {
+            self.go_rounds(budget, &clock, progress, stop);
+        } else if self.settings.integrator.is_path() {
             self.sample(budget, &clock, progress, stop);
         } else {
             let features = match budget {
@@ -196,6 +204,35 @@ impl<'a> Rendering<'a> {
             self.go_rounds(budget, &clock, progress, stop);
         }
         self.elapsed = clock.elapsed();
+    }
+
+    /// Is it the pilot of adaptive path tracing, which [`Rendering::run`] does not go beyond?
+    pub fn is_pilot(&self) -> bool {
+        self.settings.is_adaptive && self.settings.integrator.is_path() && self.method.is_none()
+    }
+
+    /// Spreads the samples that the budget leaves after the pilot, by its `error`, `[1, height, width]`, or evenly where that
+    /// is not known; [`Rendering::run`] takes them. Without effect where it is no pilot or nothing is left.
+    ///
+    /// # Panics
+    /// If the error has not the size of the picture.
+    pub fn spread(&mut self, error: Option<&Image>) {
+        let pilot = self.samples();
+        let seconds_each = self.elapsed.as_secs_f64() / f64::from(pilot.max(1));
+        let left = match self.settings.budget {
+            Budget::Samples(samples) => samples.saturating_sub(pilot),
+            // More than there will be time for; the clock ends it.
+            Budget::Time(time) => {
+                let left = time.saturating_sub(self.elapsed).as_secs_f64();
+                (1.5 * left / seconds_each.max(1e-9)) as u32
+            }
+        };
+        if !self.is_pilot() || left < 2 {
+            return;
+        }
+        let seconds = f64::from(left) * seconds_each;
+        let spread = Spread::new(self.scene, pilot, left, error, seconds);
+        self.method = Some(Box::new(Rest::new(self.scene, &self.settings, spread, None)));
     }
 
     /// Passes of path tracing. For another method's features, no more than these take.

@@ -39,10 +39,14 @@ impl Plan {
             film: scene.film,
             origin: scene.origin.to_array(),
             integrator: integrator.name().to_owned(),
-            settings: integrator.settings(),
+            settings: match settings.is_adaptive {
+                true => format!("{}, adaptive", integrator.settings()),
+                false => integrator.settings(),
+            },
             seed: settings.seed,
             sampler: settings.sampler,
-            depends_on_budget: !matches!(integrator, Integrator::Path(_) | Integrator::Bdpt(_)),
+            depends_on_budget: settings.is_adaptive
+                || !matches!(integrator, Integrator::Path(_) | Integrator::Bdpt(_)),
         }
     }
 

@@ -279,22 +279,30 @@ pub(super) fn layers(
     sampler: SamplerKind,
     origin: DVec3,
 ) -> Layers {
-    let mut layers = taken.layers(origin);
-    if let Some(found) = found {
-        found.put_radiance(&mut layers, origin);
-    }
     // The variance of independent samples is right, and of more degrees of freedom than that of the halves; that of
     // splats that depend on each other only the halves know.
-    let depends = found.is_some_and(|found| !found.is_independent());
-    for (kind, layer) in &mut layers.layers {
-        if sampler == SamplerKind::Sobol
-            || layer.variance.is_none()
-            || (depends && kind.is_radiance())
-        {
-            variance::correct_variances(layer);
+    let correct = |mut layers: Layers, depends: bool| {
+        for (kind, layer) in &mut layers.layers {
+            if sampler == SamplerKind::Sobol
+                || layer.variance.is_none()
+                || (depends && kind.is_radiance())
+            {
+                variance::correct_variances(layer);
+            }
+        }
+        layers
+    };
+    let mut layers = taken.layers(origin);
+    match found {
+        None => correct(layers, false),
+        Some(Found::Spread(spread, rest)) => {
+            spread.weigh(correct(layers, false), &correct(rest.layers(origin), false))
+        }
+        Some(found) => {
+            found.put_radiance(&mut layers, origin);
+            correct(layers, !found.is_independent())
         }
     }
-    layers
 }
 
 /// Non-finite contributions dropped.

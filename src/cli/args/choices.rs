@@ -19,13 +19,24 @@ pub(in crate::cli) enum Denoiser {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum Quality {
-    /// The smallest networks: at most a second of CPU a megapixel
+    /// The smallest networks: about 2.5 seconds of CPU a megapixel
     Fast,
-    /// At most three seconds of CPU a megapixel
+    /// About 4 seconds of CPU a megapixel
     #[default]
     Balanced,
-    /// The largest networks: at most twenty seconds of CPU a megapixel
+    /// The largest networks, which this program does not have yet
     High,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum Adaptive {
+    /// With --time, where finding out takes little of it
+    #[default]
+    Auto,
+    /// Always
+    On,
+    /// Never
+    Off,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
