@@ -50,7 +50,7 @@ impl Factors {
     pub const NETWORKS: Self = Self { variance: 0.42, change: 3.4, bias: 0.39, spread: 0.35 };
 
     /// Those of the bilateral filter, fitted likewise.
-    pub const BILATERAL: Self = Self { variance: 0.74, change: 0.65, bias: 0.81, spread: 0.6 };
+    pub const BILATERAL: Self = Self { variance: 0.74, change: 0.65, bias: 0.81, spread: 1.05 };
 
     /// Those of a denoiser.
     pub fn of(denoiser: &Denoiser) -> Self {

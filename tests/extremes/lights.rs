@@ -137,7 +137,7 @@ fn a_speck_of_a_light_and_a_huge_one_are_chosen_by_their_power() {
 
 #[test]
 fn light_in_the_plane_of_its_receiver_gives_nothing_that_is_not_finite() {
-    // One lamp lies in the plane of the wall, a second stands upright on it and lights it at every angle down to 0.
+    // One lamp lies in the plane of the wall, a second stands upright on it and lights it below, at every angle down to 0.
     let scene = scene_around(
         8,
         60.0,
@@ -145,7 +145,7 @@ fn light_in_the_plane_of_its_receiver_gives_nothing_that_is_not_finite() {
         r#"<shape type="rectangle"><transform name="to_world"><scale value="2"/><translate z="-3"/></transform></shape>
         <shape type="rectangle"><transform name="to_world"><translate x="2" z="-3"/></transform>
             <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>
-        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate z="-3" y="1"/></transform>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate z="-3" y="-1"/></transform>
             <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>"#,
     );
     assert_like_path(&scene, "light along its receiver");

@@ -137,10 +137,18 @@ fn light_in_the_plane_of_its_receiver_gives_nothing() {
         r#"<shape type="rectangle"><transform name="to_world"><scale value="2"/><translate z="-3"/></transform></shape>
         <shape type="rectangle"><transform name="to_world"><translate x="2" z="-3"/></transform>
             <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>
-        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate z="-3" y="2"/></transform>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate z="-3" y="-1"/></transform>
             <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>"#,
     );
-    render_finite(&scene, &settings(64, 13, Mis));
+    // The second shines down at the lowest row of pixels; all wall above it is behind it. The first shows at the right.
+    for strategy in [Mis, Light, Bsdf] {
+        let rendered = render_finite(&scene, &settings(64, 13, strategy));
+        let mean = layer(&rendered, LayerKind::Beauty).0;
+        let behind = mean.slice(ndarray::s![.., ..5, ..6]);
+        assert!(behind.iter().all(|&value| value == 0.0), "{strategy:?}: {behind}");
+        let lit = mean.slice(ndarray::s![.., 7, ..]);
+        assert!(lit.iter().all(|&value| value > 0.0), "{strategy:?}: {lit}");
+    }
 }
 
 #[test]
