@@ -115,11 +115,19 @@ impl SplatFilm {
         splats.iter().for_each(|splat| self.add(half, splat));
     }
 
-    /// Adds sums of radiance, diffuse and specular, of the crop window's pixels row by row.
-    pub(crate) fn add_sums(&mut self, half: usize, sums: impl Iterator<Item = [[Sum; 3]; 2]>) {
-        for (pixel, more) in self.pixels.iter_mut().zip(sums) {
+    /// Adds sums of radiance, diffuse and specular, of the crop window's pixels row by row; and, to a film of splats whose
+    /// squares are kept, something that the variances of beauty, diffuse and specular are in proportion to.
+    pub(crate) fn add_sums(
+        &mut self,
+        half: usize,
+        sums: impl Iterator<Item = ([[Sum; 3]; 2], [f64; 3])>,
+    ) {
+        for (index, (pixel, (more, spread))) in self.pixels.iter_mut().zip(sums).enumerate() {
             let all = pixel.half[half].iter_mut().zip(more.as_flattened());
             all.for_each(|(sum, more)| *sum += *more);
+            for (squares, spread) in self.squares.get_mut(index).into_iter().flatten().zip(spread) {
+                squares.iter_mut().for_each(|sum| *sum += spread);
+            }
         }
     }
 

@@ -108,7 +108,7 @@ impl Found<'_> {
 
     /// Are its samples independent of each other, so that the variance it gives needs no correction by the halves?
     pub(super) fn is_independent(&self) -> bool {
-        matches!(self, Self::Bidirectional(_) | Self::Visibility(_))
+        matches!(self, Self::Bidirectional(_))
     }
 
     /// Non-finite contributions dropped so far.

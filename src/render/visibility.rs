@@ -4,7 +4,9 @@ use super::RenderSettings;
 use super::method::{Found, Method, Report};
 use crate::film::SplatFilm;
 use crate::integrator::CorrelatedVisibility;
-use crate::integrator::correlated_visibility::{HalfFound, Ledger, Shard, VisibilityRendering};
+use crate::integrator::correlated_visibility::{
+    HalfFound, Ledger, PixelSums, Shard, VisibilityRendering,
+};
 use crate::scene::{FilmSettings, Scene};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -73,9 +75,11 @@ impl Halves<'_> {
     }
 
     pub(super) fn film(&self) -> SplatFilm {
-        let mut film = SplatFilm::new(self.film);
+        let mut film = SplatFilm::of_independent(self.film);
         for (index, half) in self.halves.iter().enumerate() {
-            film.add_sums(index, half.sums().iter().map(|sums| [sums.diffuse, sums.specular]));
+            let of_pixel =
+                |sums: &PixelSums| ([sums.diffuse, sums.specular], sums.spread(half.hits()));
+            film.add_sums(index, half.sums().iter().map(of_pixel));
         }
         film
     }

@@ -60,7 +60,7 @@ impl<'a> VisibilityRendering<'a> {
                 invalid += 1;
                 return;
             }
-            sums[pixels[slot as usize] as usize].add(diffuse, specular, energy);
+            sums[pixels[slot as usize] as usize].deposit(diffuse, specular, energy);
         };
         for seed in seeds {
             leave(&exchange.stay(seed, (1.0 - moving) * seed.energy));

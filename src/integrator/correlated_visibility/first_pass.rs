@@ -81,6 +81,7 @@ impl<'a> VisibilityRendering<'a> {
             let (mut other, mut direct) = (PixelSums::default(), PixelSums::default());
             for hit in 0..hits {
                 let ray = self.found.hits + hit;
+                let mut all = [Rgb::BLACK; 2];
                 let mut numbers = self.sampler(Stream::Gather, pixel, ray);
                 let mut received = None;
                 let (diffuse, specular) =
@@ -88,7 +89,7 @@ impl<'a> VisibilityRendering<'a> {
                         received = Some(receiver);
                         ControlFlow::Continue(())
                     });
-                gathered.add(&mut other, diffuse, specular);
+                gathered.add(&mut other, &mut all, diffuse, specular);
                 if let Some(receiver) = &received {
                     found.clear();
                     let result = self.gather(&mut resampler, receiver, &mut numbers, &mut found);
@@ -98,7 +99,7 @@ impl<'a> VisibilityRendering<'a> {
                     gathered.shadow_rays += u64::from(result.shadow_rays);
                     gathered.invalid += u64::from(result.invalid);
                     for chosen in &found {
-                        if !gathered.add(&mut direct, chosen.diffuse, chosen.specular) {
+                        if !gathered.add(&mut direct, &mut all, chosen.diffuse, chosen.specular) {
                             continue;
                         }
                         if let Some(slot) = slot {
@@ -116,9 +117,10 @@ impl<'a> VisibilityRendering<'a> {
                         let radiance = light.radiance * visibility;
                         let [diffuse, specular] =
                             [scattering.diffuse, scattering.specular].map(|part| part * radiance);
-                        gathered.add(&mut other, diffuse, specular);
+                        gathered.add(&mut other, &mut all, diffuse, specular);
                     }
                 }
+                other.observe(all[0], all[1]);
                 if slot.is_some() {
                     gathered.receivers.push(received);
                 }
@@ -152,11 +154,19 @@ pub(super) struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Adds light to a pixel if it is finite, else counts it.
-    fn add(&mut self, sums: &mut PixelSums, diffuse: Rgb, specular: Rgb) -> bool {
+    /// Adds light to a pixel and to `all` that its camera ray found, if it is finite, else counts it.
+    fn add(
+        &mut self,
+        sums: &mut PixelSums,
+        all: &mut [Rgb; 2],
+        diffuse: Rgb,
+        specular: Rgb,
+    ) -> bool {
         let is_finite = (diffuse + specular).is_finite();
         if is_finite {
             sums.add(diffuse, specular, 1.0);
+            all[0] += diffuse;
+            all[1] += specular;
         } else {
             self.invalid += 1;
         }

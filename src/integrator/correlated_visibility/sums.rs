@@ -15,6 +15,10 @@ pub struct PixelSums {
     pub unshadowed: f64,
     /// Shadow rays of the first pass.
     pub seen: Seen,
+    /// Luminance that the camera rays found before any exchange: diffuse and all other.
+    pub(super) luminance: [Sum; 2],
+    /// Squares of that of each ray, of both together, diffuse and other; and of what chains left.
+    pub(super) squares: [Sum; 3],
 }
 
 impl PixelSums {
@@ -25,11 +29,47 @@ impl PixelSums {
         }
     }
 
+    /// Takes down what one camera ray found before any exchange.
+    pub(super) fn observe(&mut self, diffuse: Rgb, specular: Rgb) {
+        let found = [diffuse, specular].map(|light| f64::from(light.luminance()));
+        self.luminance.iter_mut().zip(found).for_each(|(sum, one)| *sum += one);
+        self.add_squares(found);
+    }
+
+    /// Adds what a chain left.
+    pub(super) fn deposit(&mut self, diffuse: Rgb, specular: Rgb, energy: f64) {
+        self.add(diffuse, specular, energy);
+        self.add_squares([diffuse, specular].map(|light| f64::from(light.luminance()) * energy));
+    }
+
+    fn add_squares(&mut self, [diffuse, specular]: [f64; 2]) {
+        let all = [diffuse + specular, diffuse, specular];
+        self.squares.iter_mut().zip(all).for_each(|(sum, one)| *sum += one * one);
+    }
+
+    /// What the variance of the pixel's radiance, of its diffuse and of its other part is in proportion to from pixel to pixel,
+    /// of so many camera rays: how much these differ, and what chains left. How large it is the halves tell, for rays of
+    /// neighbours depend on each other through the exchange.
+    pub fn spread(&self, rays: u32) -> [f64; 3] {
+        let [diffuse, specular] = self.luminance.map(Sum::value);
+        let sums = [diffuse + specular, diffuse, specular];
+        let rays = f64::from(rays.max(1));
+        std::array::from_fn(|part| {
+            (self.squares[part].value() - sums[part] * sums[part] / rays).max(0.0)
+        })
+    }
+
     /// Adds the sums over other camera rays.
     pub fn merge(&mut self, other: &Self) {
         for channel in 0..3 {
             self.diffuse[channel] += other.diffuse[channel];
             self.specular[channel] += other.specular[channel];
+        }
+        for (sum, more) in self.luminance.iter_mut().zip(other.luminance) {
+            *sum += more;
+        }
+        for (sum, more) in self.squares.iter_mut().zip(other.squares) {
+            *sum += more;
         }
         self.unshadowed += other.unshadowed;
         self.seen.visible += other.seen.visible;
