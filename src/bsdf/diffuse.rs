@@ -22,6 +22,7 @@ impl Diffuse {
         BsdfEval { diffuse: self.reflectance * pdf, specular: Rgb::BLACK, pdf }
     }
 
+    #[inline]
     pub(super) fn sample(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
         let wi = square_to_cosine_hemisphere(u);
         self.eval(wo, wi).sampled(wi, 1.0)

@@ -51,6 +51,7 @@ impl BsdfEval {
     }
 
     /// The sample of a direction that was chosen with the density of this evaluation; `None` if it cannot be chosen.
+    #[inline]
     fn sampled(self, wi: Vec3, eta: f32) -> Option<BsdfSample> {
         // Written so that NaN, too, is no density.
         (self.pdf > 0.0).then(|| BsdfSample {
@@ -171,7 +172,11 @@ impl<'a> Bsdf<'a> {
         match self {
             // The most frequent model is worth the space.
             Self::Diffuse(model) => model.eval(wo, wi),
-            _ => self.eval_others(wo, wi),
+            // Taken apart, what the diffuse model gives stays in registers.
+            _ => {
+                let BsdfEval { diffuse, specular, pdf } = self.eval_others(wo, wi);
+                BsdfEval { diffuse, specular, pdf }
+            }
         }
     }
 
@@ -198,7 +203,16 @@ impl<'a> Bsdf<'a> {
 
     /// Chooses a direction; `lobe` picks the lobe, `u` the direction in it. `None` when the light is absorbed.
     /// Weights are those of radiance: a refraction multiplies by `(n_o / n_i)²`.
+    #[inline]
     pub fn sample(&self, wo: Vec3, lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        match self {
+            Self::Diffuse(model) => model.sample(wo, u),
+            _ => self.sample_others(wo, lobe, u),
+        }
+    }
+
+    /// [`Bsdf::sample`] of all models but the diffuse one.
+    fn sample_others(&self, wo: Vec3, lobe: f32, u: Vec2) -> Option<BsdfSample> {
         match self {
             Self::Null => Some(BsdfSample::delta(DeltaKind::Pass, -wo, Rgb::WHITE, 1.0, 1.0)),
             Self::Diffuse(model) => model.sample(wo, u),
@@ -245,6 +259,7 @@ impl<'a> Bsdf<'a> {
     }
 
     /// Is there a lobe that `eval` knows of?
+    #[inline]
     pub fn has_smooth(&self) -> bool {
         match self {
             Self::Null | Self::Conductor(_) | Self::Dielectric(_) | Self::ThinDielectric(_) => {

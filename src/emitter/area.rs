@@ -136,7 +136,7 @@ impl AreaEmitter {
     }
 
     /// A direction to a point of the emitter, seen from its shining side; `triangle` chooses among triangles.
-    #[inline]
+    #[inline(always)]
     pub(super) fn sample(&self, from: Vec3, triangle: f32, u: Vec2) -> Option<EmitterSample> {
         if let Shape::Sphere { center, radius, flip_normals } = self.shape
             && let Some(cone) = Cone::to_sphere(from, center, radius)
@@ -213,15 +213,28 @@ impl AreaEmitter {
 
 impl Shape {
     /// A point, uniform in area; `triangle` chooses among triangles. `None` when there is no area.
-    #[inline]
+    #[inline(always)]
     fn sample(&self, triangle: f32, u: Vec2) -> Option<SurfacePoint> {
-        Some(match self {
-            Self::Parallelogram { corner, edges, normal, .. } => SurfacePoint {
+        match self {
+            // The most frequent shape is worth the space.
+            Self::Parallelogram { corner, edges, normal, .. } => Some(SurfacePoint {
                 position: *corner + edges[0] * u.x + edges[1] * u.y,
                 normal: *normal,
                 // Only radiance without a texture is sampled so.
                 uv: Vec2::ZERO,
-            },
+            }),
+            // Taken apart, what the parallelogram gives stays in registers.
+            _ => {
+                let SurfacePoint { position, normal, uv } = self.sample_others(triangle, u)?;
+                Some(SurfacePoint { position, normal, uv })
+            }
+        }
+    }
+
+    /// [`Shape::sample`] of all shapes but parallelograms.
+    fn sample_others(&self, triangle: f32, u: Vec2) -> Option<SurfacePoint> {
+        Some(match self {
+            Self::Parallelogram { .. } => self.sample(triangle, u)?,
             Self::Triangles { triangles, choice, uvs } => {
                 let index = choice.as_ref()?.sample(triangle).index;
                 let Triangle { corner, edges, normal } = triangles[index];

@@ -164,7 +164,7 @@ impl Emitters {
 
     /// Chooses an emitter by `selection` and a direction to it from `from` by `u`; `None` when there is no light that
     /// way.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, from: Vec3, selection: f32, u: Vec2) -> Option<EmitterSample> {
         let choice = self.selection.as_ref()?.sample(selection);
         let mut sample = match &self.sources[choice.index] {

@@ -5,7 +5,7 @@ use crate::math::float::{gamma, offset_point, offset_points};
 use glam::{DVec3, Vec2, Vec3};
 
 /// A point on a surface.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Interaction {
     /// Which part of the scene was hit.
     pub part: u32,
@@ -40,6 +40,7 @@ const MOST_SLENDER: f32 = 256.0;
 impl Interaction {
     /// An unbounded ray in `direction` whose origin is moved off the surface, to the side `direction` points to, by the
     /// rounding-error bound.
+    #[inline]
     pub fn spawn(&self, direction: Vec3) -> Ray {
         Ray::new(self.offset_towards(direction), direction)
     }
@@ -53,6 +54,7 @@ impl Interaction {
 
     /// The point moved off the surface, to the side `direction` points to, by the rounding-error bound: where a ray from
     /// elsewhere may end without meeting the surface.
+    #[inline]
     pub fn offset_towards(&self, direction: Vec3) -> Vec3 {
         offset_point(self.position, self.error, self.normal, direction)
     }
@@ -63,6 +65,7 @@ impl Interaction {
     }
 
     /// At barycentric weights `u`, `v` of the second and third corner of a mesh's triangle.
+    #[inline(always)]
     pub(super) fn on_triangle(part: u32, mesh: &Mesh, triangle: usize, u: f32, v: f32) -> Self {
         let indices = mesh.triangles[triangle].map(|index| index as usize);
         let [a, b, c] = indices.map(|index| mesh.positions[index]);
@@ -118,7 +121,7 @@ pub(crate) fn triangle_error(
 ///
 /// The edges are scaled to a size of 1 first, so that squares of short ones do not underflow. Single precision loses as
 /// many digits as the triangle is slender; below a sine of 1e-3 between the edges the product is computed again in f64.
-#[inline]
+#[inline(always)]
 fn face([a, b, c]: [Vec3; 3], size: f32) -> (Vec3, f32) {
     let scale = 1.0 / size;
     let across = ((b - a) * scale).cross((c - a) * scale);
@@ -140,6 +143,7 @@ fn slender_face(corners: [Vec3; 3]) -> (Vec3, f32) {
 
 /// Texture coordinates and the derivatives of the position by them; where the texture is degenerate, or where there is none,
 /// the derivatives by the barycentric weights.
+#[inline(always)]
 fn surface_coordinates(
     mesh: &Mesh,
     indices: [usize; 3],

@@ -170,14 +170,25 @@ impl Geometry {
     ///
     /// # Panics
     /// If `hit` is not one that [`Geometry::intersect`] gave for this geometry.
+    #[inline]
     pub fn interaction(&self, ray: &Ray, hit: &Hit) -> Interaction {
+        let mut at = Interaction::default();
+        self.interact(ray, hit, &mut at);
+        at
+    }
+
+    /// [`Geometry::interaction`], written into its place.
+    #[inline(always)]
+    pub(crate) fn interact(&self, ray: &Ray, hit: &Hit, at: &mut Interaction) {
         let part = self.primitive_parts[hit.primitive as usize];
         let local = (hit.primitive - self.first_primitives[part as usize]) as usize;
         match &self.parts[part as usize] {
-            Part::Mesh(mesh) => Interaction::on_triangle(part, mesh, local, hit.u, hit.v),
-            _ => self.shapes[(hit.primitive - self.triangle_count) as usize]
-                .expect("a shape that was hit was not rejected")
-                .interaction(part, ray, hit.t),
+            Part::Mesh(mesh) => *at = Interaction::on_triangle(part, mesh, local, hit.u, hit.v),
+            _ => {
+                *at = self.shapes[(hit.primitive - self.triangle_count) as usize]
+                    .expect("a shape that was hit was not rejected")
+                    .interaction(part, ray, hit.t);
+            }
         }
     }
 }

@@ -5,17 +5,15 @@
 ///
 /// Computed from the ratio of the two, so that densities up to the largest float neither overflow nor vanish; 0 where
 /// the sample's own density is 0 or the other's is infinite.
+#[inline]
 pub fn power_heuristic(pdf: f32, other: f32) -> f32 {
-    if pdf > other {
-        let ratio = other / pdf;
-        1.0 / (1.0 + ratio * ratio)
-    } else if pdf > 0.0 && other.is_finite() {
-        let ratio = pdf / other;
-        let square = ratio * ratio;
-        square / (1.0 + square)
-    } else {
-        0.0
-    }
+    // Which of them is larger nobody can predict: without a branch.
+    let is_larger = pdf > other;
+    let (small, large) = if is_larger { (other, pdf) } else { (pdf, other) };
+    let ratio = small / large;
+    let square = ratio * ratio;
+    let weight = (if is_larger { 1.0 } else { square }) / (1.0 + square);
+    if is_larger | ((pdf > 0.0) & other.is_finite()) { weight } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ pub use correlated_visibility::CorrelatedVisibility;
 pub use erpt::Erpt;
 pub use markov::MarkovChains;
 pub use mlt::Mlt;
-pub use path_tracing::{PathSample, PathTracing, Strategy, Vertex};
+pub use path_tracing::{Batch, PathSample, PathTracing, Strategy, Vertex};
 pub use pssmlt::{PrimaryPaths, Pssmlt};
 pub use receiver::Receiver;
 pub use splat::Splat;

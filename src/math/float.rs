@@ -18,6 +18,7 @@ pub const fn gamma(n: u32) -> f32 {
 /// `point` moved along the unit vector `normal`, far enough to leave the box of half-size `error` around it, each
 /// coordinate rounded away from where it was (Pharr, Jakob and Humphreys 2023, "Physically Based Rendering", 6.8.6).
 /// The point lands on the side of the surface that `direction` points to.
+#[inline(always)]
 pub fn offset_point(point: Vec3, error: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
     let distance = normal.abs().dot(error);
     let offset = if direction.dot(normal) < 0.0 { normal * -distance } else { normal * distance };
@@ -32,17 +33,20 @@ pub fn offset_points(point: Vec3, error: Vec3, normal: Vec3) -> [Vec3; 2] {
     })
 }
 
-/// `position + offset`, rounded to the next number in the direction of the offset: `next_up` or `next_down`, without a branch.
-#[inline]
+/// `position + offset`, rounded to the next number in the direction of the offset: `next_up` or `next_down`. Which of them it
+/// is nobody can predict, so that there is not a branch.
+#[inline(always)]
 fn away(position: f32, offset: f32) -> f32 {
     let moved = position + offset;
     let (bits, sign) = (moved.to_bits(), offset.to_bits() & 0x8000_0000);
-    let is_outwards = (bits ^ sign) >> 31 == 0;
-    let next = if is_outwards { bits.wrapping_add(1) } else { bits.wrapping_sub(1) };
+    // All ones where the number after `moved` is nearer to zero.
+    let inwards = ((bits ^ sign) as i32 >> 31) as u32;
+    let next = bits.wrapping_add(inwards | 1);
     let next = if moved == 0.0 { sign | 1 } else { next };
     // Nothing lies beyond infinity; an offset of zero moves nothing.
-    let stays = moved.is_nan() || offset == 0.0 || (is_outwards && moved.is_infinite());
-    if stays { moved } else { f32::from_bits(next) }
+    let is_beyond = (inwards == 0) & moved.is_infinite();
+    let stays = moved.is_nan() | (offset == 0.0) | is_beyond;
+    f32::from_bits(if stays { bits } else { next })
 }
 
 #[cfg(test)]

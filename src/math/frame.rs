@@ -16,6 +16,7 @@ pub struct Frame {
 impl Frame {
     /// Any frame around the unit vector `normal`, without a branch and continuous but for one meridian
     /// (Duff et al. 2017, "Building an Orthonormal Basis, Revisited", listing 3).
+    #[inline]
     pub fn from_normal(normal: Vec3) -> Self {
         let sign = 1.0f32.copysign(normal.z);
         let a = -1.0 / (sign + normal.z);
@@ -38,11 +39,13 @@ impl Frame {
     }
 
     /// World to local.
+    #[inline]
     pub fn to_local(&self, world: Vec3) -> Vec3 {
         Vec3::new(self.tangent.dot(world), self.bitangent.dot(world), self.normal.dot(world))
     }
 
     /// Local to world.
+    #[inline]
     pub fn to_world(&self, local: Vec3) -> Vec3 {
         self.tangent * local.x + self.bitangent * local.y + self.normal * local.z
     }

@@ -12,14 +12,14 @@ use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI, TAU};
 #[inline]
 pub fn square_to_disk(u: Vec2) -> Vec2 {
     let square = 2.0 * u - Vec2::ONE;
-    let (radius, angle) = if square.x.abs() > square.y.abs() {
-        (square.x, FRAC_PI_4 * (square.y / square.x))
-    } else if square.y != 0.0 {
-        (square.y, FRAC_PI_2 - FRAC_PI_4 * (square.x / square.y))
-    } else {
+    // Which axis is nearer nobody can predict: without a branch.
+    let is_x = square.x.abs() > square.y.abs();
+    let (radius, across) = if is_x { (square.x, square.y) } else { (square.y, square.x) };
+    if radius == 0.0 {
         return Vec2::ZERO;
-    };
-    radius * Vec2::from_angle(angle)
+    }
+    let turn = FRAC_PI_4 * (across / radius);
+    radius * Vec2::from_angle(if is_x { turn } else { FRAC_PI_2 - turn })
 }
 
 /// The inverse of [`square_to_disk`], in `[0, 1)²`. In double precision, so that the point found again is right to the

@@ -2,7 +2,8 @@
 
 use super::{RenderSettings, SamplerKind, Shard};
 use crate::film::{Film, Tile};
-use crate::integrator::{PathSample, PathTracing, Vertex};
+use crate::geometry::Ray;
+use crate::integrator::{Batch, PathSample, PathTracing, Vertex};
 use crate::sampler::{IndependentSampler, Sampler, SobolSampler};
 use crate::scene::{FilmSettings, Requirements, Scene};
 use glam::{DVec3, Vec2};
@@ -19,6 +20,9 @@ const MUTATIONS_PER_DIRECT: u32 = 4;
 
 /// Edges of the paths of light of at most one bounce.
 const DIRECT: u32 = 2;
+
+/// Samples that are traced together. Of the Cornell box 1 took 12 % longer, 32 to 512 within 3 % the same.
+const BATCH: usize = 128;
 
 /// A film under way that path tracing fills, sample after sample.
 #[derive(Debug)]
@@ -123,19 +127,17 @@ impl<'a> Sampled<'a> {
     /// Takes so many more samples in each pixel. `progress` is called with the number of samples of the whole picture
     /// so far.
     pub(super) fn pass(&mut self, count: u32, progress: &(dyn Fn(u64) + Sync)) {
-        let Self { scene, path_tracing, seed, sampler, shard, taken } = self;
+        let Self { scene, path_tracing, seed, sampler, ref shard, ref mut taken } = *self;
         let Samples { film, samples } = taken;
-        let numbers = Numbers { seed: *seed, sampler: *sampler };
+        let numbers = Numbers { seed, sampler };
         let (tiles, kept) = film.tiles_mut();
         let pixels: usize = tiles.iter().map(Tile::len).sum();
         let done = AtomicU64::new(u64::from(*samples) * pixels as u64);
         tiles.par_iter_mut().for_each(|tile| {
-            for (index, pixel) in tile.film_pixels().enumerate() {
-                for sample in (*samples..*samples + count).map(|own| shard.number(own)) {
-                    let found = sample_pixel(scene, path_tracing, numbers, pixel, sample, |_| {});
-                    tile.add(index, (sample & 1) as usize, &found, kept);
-                }
-            }
+            let wanted = tile.film_pixels().enumerate().flat_map(|(index, pixel)| {
+                (*samples..*samples + count).map(move |own| (index, pixel, shard.number(own)))
+            });
+            numbers.fill(scene, &path_tracing, tile, kept, wanted);
             let added = tile.len() as u64 * u64::from(count);
             progress(done.fetch_add(added, Ordering::Relaxed) + added);
         });
@@ -154,14 +156,12 @@ impl Sampled<'_> {
         let counts = tiles.par_iter_mut().map(|tile| {
             let mut count = 0;
             let places = tile.pixels().zip(tile.film_pixels()).enumerate();
-            for (index, ([x, y], pixel)) in places {
+            let wanted = places.flat_map(|(index, ([x, y], pixel))| {
                 let samples = numbers_of(y as usize * width + x as usize);
                 count += u64::from(samples.end);
-                for sample in samples {
-                    let found = sample_pixel(scene, path_tracing, numbers, pixel, sample, |_| {});
-                    tile.add(index, (sample & 1) as usize, &found, kept);
-                }
-            }
+                samples.map(move |sample| (index, pixel, sample))
+            });
+            numbers.fill(scene, path_tracing, tile, kept, wanted);
             count
         });
         counts.sum()
@@ -189,50 +189,88 @@ pub fn replay(
     sample: u32,
     observe: impl FnMut(Vertex),
 ) -> PathSample {
-    let numbers = Numbers { seed: settings.seed, sampler: settings.sampler };
-    sample_pixel(scene, &settings.integrator.path_tracing(), numbers, pixel, sample, observe)
+    let (seed, index) = (settings.seed, pixel[1] * scene.film.width + pixel[0]);
+    let path_tracing = settings.integrator.path_tracing();
+    match settings.sampler {
+        SamplerKind::Sobol => {
+            let mut sampler = SobolSampler::new(seed, index, sample);
+            let ray = camera_ray(scene, pixel, &mut sampler);
+            path_tracing.trace_observed(scene, ray, &mut sampler, observe)
+        }
+        SamplerKind::Independent => {
+            let mut sampler = IndependentSampler::new(seed, index, sample);
+            let ray = camera_ray(scene, pixel, &mut sampler);
+            path_tracing.trace_observed(scene, ray, &mut sampler, observe)
+        }
+    }
 }
 
-/// Where a sample's random numbers come from.
+/// Where samples' random numbers come from.
 #[derive(Clone, Copy)]
 struct Numbers {
     seed: u64,
     sampler: SamplerKind,
 }
 
-/// One camera sample through a uniformly chosen point of the pixel (a box filter).
-#[inline]
-fn sample_pixel(
-    scene: &Scene,
-    path_tracing: &PathTracing,
-    numbers: Numbers,
-    [x, y]: [u32; 2],
-    sample: u32,
-    observe: impl FnMut(Vertex),
-) -> PathSample {
-    let (seed, index) = (numbers.seed, y * scene.film.width + x);
-    match numbers.sampler {
-        SamplerKind::Sobol => {
-            let mut sampler = SobolSampler::new(seed, index, sample);
-            walk(scene, path_tracing, [x, y], &mut sampler, observe)
-        }
-        SamplerKind::Independent => {
-            let mut sampler = IndependentSampler::new(seed, index, sample);
-            walk(scene, path_tracing, [x, y], &mut sampler, observe)
+/// A sample to take: the index of its pixel in the tile, the pixel in the whole film, the sample's number.
+type Wanted = (usize, [u32; 2], u32);
+
+impl Numbers {
+    /// Takes samples and adds them to the tile, in their order.
+    fn fill(
+        self,
+        scene: &Scene,
+        path_tracing: &PathTracing,
+        tile: &mut Tile,
+        kept: &[usize],
+        wanted: impl Iterator<Item = Wanted>,
+    ) {
+        let Self { seed, sampler } = self;
+        match sampler {
+            SamplerKind::Sobol => {
+                let new = |pixel, sample| SobolSampler::new(seed, pixel, sample);
+                fill(scene, path_tracing, tile, kept, wanted, new);
+            }
+            SamplerKind::Independent => {
+                let new = |pixel, sample| IndependentSampler::new(seed, pixel, sample);
+                fill(scene, path_tracing, tile, kept, wanted, new);
+            }
         }
     }
 }
 
-fn walk<S: Sampler>(
+/// Takes samples with the random numbers that `new` gives for a pixel's index in the whole film and a sample's number.
+fn fill<S: Sampler>(
     scene: &Scene,
     path_tracing: &PathTracing,
-    [x, y]: [u32; 2],
-    sampler: &mut S,
-    observe: impl FnMut(Vertex),
-) -> PathSample {
+    tile: &mut Tile,
+    kept: &[usize],
+    mut wanted: impl Iterator<Item = Wanted>,
+    new: impl Fn(u32, u32) -> S,
+) {
+    let mut batch = Batch::new(path_tracing, scene);
+    let mut places = Vec::with_capacity(BATCH);
+    loop {
+        for (index, pixel, sample) in wanted.by_ref().take(BATCH) {
+            let mut sampler = new(pixel[1] * scene.film.width + pixel[0], sample);
+            let ray = camera_ray(scene, pixel, &mut sampler);
+            batch.push(ray, sampler);
+            places.push((index, (sample & 1) as usize));
+        }
+        if batch.is_empty() {
+            return;
+        }
+        for ((index, half), found) in places.drain(..).zip(batch.trace()) {
+            tile.add(index, half, &found, kept);
+        }
+    }
+}
+
+/// The ray of a sample through a uniformly chosen point of the pixel (a box filter).
+#[inline]
+fn camera_ray<S: Sampler>(scene: &Scene, [x, y]: [u32; 2], sampler: &mut S) -> Ray {
     let raster = Vec2::new(x as f32, y as f32) + sampler.next_2d();
     // A pinhole leaves the pair to the first bounce.
     let lens = sampler.next_2d_if(scene.camera.has_lens());
-    let ray = scene.camera.ray(raster, lens);
-    path_tracing.trace_observed(scene, ray, sampler, observe)
+    scene.camera.ray(raster, lens)
 }

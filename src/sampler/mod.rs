@@ -33,6 +33,22 @@ pub trait Sampler {
     fn begin_walk(&mut self, _walk: u16) {}
 }
 
+impl<S: Sampler> Sampler for &mut S {
+    #[inline]
+    fn next_1d(&mut self) -> f32 {
+        (**self).next_1d()
+    }
+
+    #[inline]
+    fn next_2d(&mut self) -> Vec2 {
+        (**self).next_2d()
+    }
+
+    fn begin_walk(&mut self, walk: u16) {
+        (**self).begin_walk(walk);
+    }
+}
+
 /// The top 24 bits of `bits` as a number in `[0, 1)`.
 #[inline]
 fn unit_interval(bits: u32) -> f32 {

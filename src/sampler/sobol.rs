@@ -52,18 +52,16 @@ impl SobolSampler {
     #[inline]
     fn next_pair(&mut self) -> [f32; 2] {
         if self.used == LANES {
-            self.pairs = self.compute_batch();
-            self.batch = self.batch.wrapping_add(1);
-            self.used = 0;
+            self.refill();
         }
         let lane = self.used;
         self.used += 1;
         [self.pairs[0][lane], self.pairs[1][lane]]
     }
 
-    /// The next `LANES` pairs. Written lane by lane so that the compiler makes vector instructions of it.
+    /// Computes the next `LANES` pairs. Written lane by lane so that the compiler makes vector instructions of it.
     #[inline(never)]
-    fn compute_batch(&self) -> [[f32; LANES]; 2] {
+    fn refill(&mut self) {
         let mut seeds = [0u64; SEEDS];
         let first = self.key.wrapping_add(
             u64::from(self.batch).wrapping_mul(hash::STEP.wrapping_mul(SEEDS as u64)),
@@ -82,7 +80,9 @@ impl SobolSampler {
         // The first dimension is the bit-reversed index; the scramble wants its argument reversed again.
         let x = reverse(permute(index, words(1)));
         let y = reverse(permute(second_dimension_reversed(index), words(2)));
-        [x.map(unit_interval), y.map(unit_interval)]
+        self.pairs = [x.map(unit_interval), y.map(unit_interval)];
+        self.batch = self.batch.wrapping_add(1);
+        self.used = 0;
     }
 }
 

@@ -140,14 +140,29 @@ impl Material {
         self.model.bsdf(at.uv)
     }
 
+    /// [`Material::bsdf`], written into its place.
+    #[inline(always)]
+    pub fn set_bsdf<'a>(&'a self, at: &Interaction, bsdf: &mut Bsdf<'a>) {
+        self.model.set_bsdf(at.uv, bsdf);
+    }
+
     /// The shading frame at a point, with bump or normal map applied; its normal is not turned to the viewer. Its tangent
     /// follows `dp_du` where the model needs it.
     ///
     /// With a relief, light may come from above the tilted frame but from below the shading normal, or the other way:
     /// Mitsuba 3 takes no light from such directions.
+    #[inline]
     pub fn frame(&self, at: &Interaction) -> Frame {
-        match self.relief.as_deref() {
+        match self.relief {
+            // The most frequent one is worth the space.
             None if self.is_isotropic => Frame::from_normal(at.shading_normal),
+            _ => self.tangent_frame(at),
+        }
+    }
+
+    /// [`Material::frame`] where it follows `dp_du`.
+    fn tangent_frame(&self, at: &Interaction) -> Frame {
+        match self.relief.as_deref() {
             None => Frame::from_normal_and_tangent(at.shading_normal, at.dp_du),
             Some(relief) => {
                 let normal = relief.normal(at).unwrap_or(at.shading_normal);
@@ -157,6 +172,7 @@ impl Material {
     }
 
     /// How opaque the surface is at a point, in `[0, 1]`: light passes unscattered with the rest.
+    #[inline]
     pub fn opacity(&self, at: &Interaction) -> f32 {
         match &self.opacity {
             None => 1.0,

@@ -141,6 +141,16 @@ impl Model {
         }
     }
 
+    /// [`Model::bsdf`], written into its place.
+    #[inline(always)]
+    pub(super) fn set_bsdf<'a>(&'a self, uv: Vec2, bsdf: &mut Bsdf<'a>) {
+        match self {
+            // The most frequent one is worth the space.
+            Self::Diffuse(Texture::Constant(reflectance)) => *bsdf = Bsdf::diffuse(*reflectance),
+            _ => *bsdf = self.bsdf(uv),
+        }
+    }
+
     /// The model with every part changed. Blends are taken apart and put together again.
     pub(super) fn changed(self, change: &mut dyn FnMut(Self) -> Self) -> Self {
         match self {

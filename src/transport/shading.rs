@@ -22,6 +22,14 @@ pub struct Shading<'a> {
 impl<'a> Shading<'a> {
     /// The surface of `material` at `at`, seen from the unit direction `wo`.
     pub fn new(material: &'a Material, at: &Interaction, wo: Vec3) -> Self {
+        let mut shading = Self::of_nothing();
+        shading.set(material, at, wo);
+        shading
+    }
+
+    /// [`Shading::new`], written into its place.
+    #[inline(always)]
+    pub fn set(&mut self, material: &'a Material, at: &Interaction, wo: Vec3) {
         let mut frame = material.frame(at);
         // Some meshes have vertex normals against their winding: the normals decide which side is which.
         let mut normal = if at.normal.dot(frame.normal) < 0.0 { -at.normal } else { at.normal };
@@ -31,12 +39,20 @@ impl<'a> Shading<'a> {
             local.z = -local.z;
             normal = -normal;
         }
-        Self { bsdf: material.bsdf(at), frame, normal, wo: local }
+        (self.frame, self.normal, self.wo) = (frame, normal, local);
+        material.set_bsdf(at, &mut self.bsdf);
+    }
+
+    /// A surface that lets all light through, until there is another.
+    pub fn of_nothing() -> Self {
+        let frame = Frame { tangent: Vec3::X, bitangent: Vec3::Y, normal: Vec3::Z };
+        Self { bsdf: Bsdf::Null, frame, normal: Vec3::Z, wo: Vec3::Z }
     }
 
     /// Does a direction, given in the local frame and in the world, lie on the same side of the surface by both
     /// normals? Where an interpolated normal says otherwise light would leak through the surface: such directions
     /// scatter nothing, whichever way the light goes, so that all integrators agree.
+    #[inline]
     pub fn is_consistent(&self, local: Vec3, world: Vec3) -> bool {
         local.z * self.normal.dot(world) > 0.0
     }

@@ -9,16 +9,19 @@ use glam::Vec3;
 const SHADOW_MARGIN: f32 = 1e-4;
 
 /// A ray from a surface to `target`, of parameter 1 there, that ends just before it.
+#[inline(always)]
 pub fn shadow_ray(at: &Interaction, target: Vec3) -> Ray {
     shadow_ray_from(at.offset_towards(target - at.position), target)
 }
 
 /// The same from a point that is already moved off its surface.
+#[inline(always)]
 pub fn shadow_ray_from(start: Vec3, target: Vec3) -> Ray {
     Ray { t_max: 1.0 - SHADOW_MARGIN, ..Ray::between(start, target) }
 }
 
 /// The part of light that masks leave of a shadow ray: 0 behind an opaque surface, 1 when nothing is in the way.
+#[inline]
 pub fn transmittance(scene: &Scene, mut ray: Ray) -> f32 {
     if !scene.has_masks {
         return if scene.geometry.occluded(&ray) { 0.0 } else { 1.0 };

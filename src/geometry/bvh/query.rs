@@ -41,14 +41,10 @@ impl Query {
             return None;
         }
         let near_rcp = [1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z];
-        let kz = if longest == length.x {
-            0
-        } else if longest == length.y {
-            1
-        } else {
-            2
-        };
+        // Which axis it is nobody can predict: without a branch.
+        let kz = usize::from(longest != length.x) * (1 + usize::from(longest != length.y));
         let (kx, ky) = ([1, 2, 0][kz], [2, 0, 1][kz]);
+        let components = direction.to_array();
         let scale = near_rcp[kz];
         Some(Self {
             origin,
@@ -57,7 +53,7 @@ impl Query {
             far_rcp: near_rcp.map(|rcp| rcp * FAR),
             near_plane: near_rcp.map(|rcp| usize::from(rcp.is_sign_negative())),
             axes: [kx, ky, kz],
-            shear: [direction[kx] * scale, direction[ky] * scale, scale],
+            shear: [components[kx] * scale, components[ky] * scale, scale],
             t_max,
         })
     }

@@ -63,12 +63,12 @@ fn walk<const ANY: bool>(bvh: &Bvh, root: Child, query: &Query) -> Option<Hit> {
     let rays = Lanes::new(query);
     let mut stack = [const { MaybeUninit::<u64>::uninit() }; STACK];
     let mut waiting = 0;
-    let mut found: Option<Hit> = None;
-    let mut t_max = query.t_max;
-    let mut limit = Query::limit(t_max);
+    let mut nearest = Hit { t: query.t_max, u: 0.0, v: 0.0, primitive: 0 };
+    let mut is_found = false;
+    let mut limit = Query::limit(query.t_max);
     let mut current = root.0;
     loop {
-        if current & Child::LEAF == 0 {
+        let is_nearer = if current & Child::LEAF == 0 {
             // SAFETY: children are in range.
             let node = unsafe { bvh.nodes.get_unchecked(current as usize) };
             let (entries, mut entered) = enter(node, &rays, limit);
@@ -109,28 +109,29 @@ fn walk<const ANY: bool>(bvh: &Bvh, root: Child, query: &Query) -> Option<Hit> {
                 current = next as u32;
                 continue;
             }
+            false
         } else if current & Child::SHAPE == 0 {
             // SAFETY: children are in range.
             let packet = unsafe { bvh.packets.get_unchecked((current & Child::INDEX) as usize) };
-            if let Some(hit) = nearest_in_packet(packet, query, t_max) {
-                found = Some(hit);
-            }
+            nearest_in_packet::<ANY>(packet, query, &mut nearest)
         } else {
             let (primitive, shape) = &bvh.shapes[(current & Child::INDEX) as usize];
-            if let Some(t) = shape.intersect(query, t_max) {
-                found = Some(Hit { t, u: 0.0, v: 0.0, primitive: *primitive });
+            let t = shape.intersect(query, nearest.t);
+            if let Some(t) = t {
+                nearest = Hit { t, u: 0.0, v: 0.0, primitive: *primitive };
             }
-        }
-        if let Some(hit) = &found {
+            t.is_some()
+        };
+        if is_nearer {
             if ANY {
-                return found;
+                return Some(nearest);
             }
-            t_max = hit.t;
-            limit = Query::limit(t_max);
+            is_found = true;
+            limit = Query::limit(nearest.t);
         }
         loop {
             if waiting == 0 {
-                return found;
+                return is_found.then_some(nearest);
             }
             waiting -= 1;
             // SAFETY: slots below `waiting` were written.
@@ -198,10 +199,11 @@ fn enter(node: &Node, rays: &Lanes, limit: f32) -> (Stored, u32) {
     (store(near), entered as u32)
 }
 
-/// [`triangle::intersect`] on every lane; of hits at the same `t`, the first lane's.
+/// [`triangle::intersect`] on every lane. Is one met nearer than `nearest`? Then `nearest` becomes that hit; of hits at the
+/// same `t`, the first lane's. `ANY` leaves it as it is.
 #[target_feature(enable = "avx2,bmi1")]
 #[inline]
-fn nearest_in_packet(packet: &Packet, query: &Query, t_max: f32) -> Option<Hit> {
+fn nearest_in_packet<const ANY: bool>(packet: &Packet, query: &Query, nearest: &mut Hit) -> bool {
     let [kx, ky, kz] = query.axes;
     debug_assert!(kx < 3 && ky < 3 && kz < 3);
     // SAFETY: `axes` is a permutation of 0, 1 and 2.
@@ -240,9 +242,6 @@ fn nearest_in_packet(packet: &Packet, query: &Query, t_max: f32) -> Option<Hit> 
     let all_positive = _mm256_cmp_ps::<_CMP_GE_OQ>(_mm256_min_ps(a, _mm256_min_ps(b, c)), zero);
     let all_negative = _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_max_ps(a, _mm256_max_ps(b, c)), zero);
     let inside = _mm256_or_ps(all_positive, all_negative);
-    if _mm256_movemask_ps(inside) == 0 {
-        return None;
-    }
 
     let reciprocal = _mm256_div_ps(_mm256_set1_ps(1.0), _mm256_add_ps(_mm256_add_ps(a, b), c));
     let (w, u, v) =
@@ -254,11 +253,11 @@ fn nearest_in_packet(packet: &Packet, query: &Query, t_max: f32) -> Option<Hit> 
     let t = _mm256_mul_ps(depth, _mm256_set1_ps(scale_z));
     let in_range = _mm256_and_ps(
         _mm256_cmp_ps::<_CMP_GT_OQ>(t, zero),
-        _mm256_cmp_ps::<_CMP_LT_OQ>(t, _mm256_set1_ps(t_max)),
+        _mm256_cmp_ps::<_CMP_LT_OQ>(t, _mm256_set1_ps(nearest.t)),
     );
     let mut hits = _mm256_movemask_ps(_mm256_and_ps(inside, in_range)) as u32;
-    if hits == 0 {
-        return None;
+    if ANY || hits == 0 {
+        return hits != 0;
     }
     let (Stored(t), Stored(u), Stored(v)) = (store(t), store(u), store(v));
     let mut lane = hits.trailing_zeros() as usize;
@@ -270,7 +269,8 @@ fn nearest_in_packet(packet: &Packet, query: &Query, t_max: f32) -> Option<Hit> 
             lane = other;
         }
     }
-    Some(Hit { t: t[lane], u: u[lane], v: v[lane], primitive: packet.primitives[lane] })
+    *nearest = Hit { t: t[lane], u: u[lane], v: v[lane], primitive: packet.primitives[lane] };
+    true
 }
 
 /// The edge functions, exact in the lanes of the mask `doubtful`.
