@@ -55,7 +55,7 @@ impl Job {
     /// Loads the scenes and compares with what is in the folder; changes nothing.
     ///
     /// # Errors
-    /// [`Error::Settings`] where the folder has a measurement of other settings, [`Error::Scene`] where a scene cannot be
+    /// [`Settings`](crate::folder::Error::Settings) where the folder has a measurement of other settings, [`Error::Scene`] where a scene cannot be
     /// loaded, [`Error::Nothing`] where no denoiser asked for can run.
     pub fn plan(self) -> Result<Plan, Error> {
         let (settings, scenes) = self.request.load()?;

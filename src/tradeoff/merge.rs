@@ -20,7 +20,7 @@ pub struct Merged {
 /// machines make the same pictures of it, in times of their own.
 ///
 /// # Errors
-/// [`Error::Settings`] where two of them are of different settings, before anything is copied.
+/// [`Settings`](crate::folder::Error::Settings) where two of them are of different settings, before anything is copied.
 pub fn merge(output: &Path, inputs: &[PathBuf]) -> Result<Merged, Error> {
     let mut settings = match Settings::path(output).exists() {
         true => Some(Settings::read(output)?),
