@@ -30,7 +30,7 @@ const DEEP: f64 = 1.5;
 /// off that all of the box's front is within a field of view of 40°.
 ///
 /// # Errors
-/// A file cannot be read or parsed, or there are no faces.
+/// A file cannot be read or parsed, there are no faces, or they are too far apart.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Description, SceneError> {
     if let Some((name, _)) = options.definitions.first() {
         return Err(SceneError::UnusedDefinition { name: name.clone(), known: Vec::new() });
@@ -59,6 +59,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Description, Sc
     let Some((low, high)) = low_high.filter(|(low, high)| low != high) else {
         return Err(MeshError::malformed(path, None, "no faces with any extent").into());
     };
+    let diagonal = (high - low).length();
+    if diagonal > f64::from(f32::MAX) {
+        let message = format!("vertices from {low} to {high}, more than single precision holds");
+        return Err(MeshError::malformed(path, None, message).into());
+    }
 
     let mut materials = Vec::new();
     let mut shapes = Vec::new();
@@ -177,6 +182,13 @@ mod tests {
 
     fn scene(files: &[(&str, &str)]) -> Result<Scene, SceneError> {
         Scene::load(&write(files).path().join("a.obj"), &LoadOptions::default())
+    }
+
+    #[test]
+    fn vertices_that_are_too_far_apart_are_refused() {
+        let error = scene(&[("a.obj", "v -1 1 -1\nv 2 0 -1\nv 1 0 1e308\nf 1 2 3\n")]);
+        let error = error.expect_err("more than single precision holds").to_string();
+        assert!(error.contains("a.obj") && error.contains("single precision"), "{error}");
     }
 
     const QUADS: &str = "mtllib my\tlib.mtl\no one\nusemtl grey\nv 0 0 0\nv 4 0 0\nv 4 2 0\nv 0 2 0\nf 1 2 3 4\n\
