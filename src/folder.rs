@@ -4,31 +4,16 @@ use quietlight_denoise::atomic;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Why a folder of long work cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system refused a file or folder.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A file is not what it must be.
-    #[error("{path}: found {found}, expected {expected}")]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What is there.
-        found: String,
-        /// What should be there.
-        expected: String,
-    },
+    /// A file or the folder cannot be read or written, or is not what it must be.
+    #[error(transparent)]
+    File(#[from] quietlight_denoise::Error),
     /// A folder holds work of other settings.
     #[error(
         "{path}: was made with other settings: {differences}; use the same settings or another folder"
@@ -39,44 +24,41 @@ pub enum Error {
         /// Each setting that differs, with both values.
         differences: String,
     },
-    /// A file cannot be written.
-    #[error(transparent)]
-    Write(#[from] quietlight_denoise::Error),
 }
 
 impl Error {
     /// Did the user name a folder or a file that cannot do, rather than the machine fail?
     pub fn is_of_the_user(&self) -> bool {
+        use quietlight_denoise::Error::{Format, Io};
         match self {
-            Self::Io { source, .. } => source.kind() == std::io::ErrorKind::NotFound,
-            Self::Format { .. } | Self::Settings { .. } => true,
-            Self::Write(_) => false,
+            Self::File(Io { source, .. }) => source.kind() == io::ErrorKind::NotFound,
+            Self::File(Format { .. }) | Self::Settings { .. } => true,
+            Self::File(_) => false,
         }
     }
 }
 
 /// Says which file an operation of the system was about.
-pub(crate) fn at(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
-    let path = path.to_path_buf();
-    move |source| Error::Io { path, source }
+pub(crate) fn at(path: &Path) -> impl Fn(io::Error) -> quietlight_denoise::Error + Copy {
+    move |source| quietlight_denoise::Error::Io { path: path.to_path_buf(), source }
 }
 
 /// Reads a record of a folder; `of` says what folder it is, such as "a data set".
 pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, of: &str) -> Result<T, Error> {
     let text = fs::read_to_string(path).map_err(at(path))?;
-    serde_json::from_str(&text).map_err(|error| Error::Format {
+    let record = serde_json::from_str(&text);
+    Ok(record.map_err(|error| quietlight_denoise::Error::Format {
         path: path.to_path_buf(),
         found: error.to_string(),
         expected: format!("a file of {of} of this version"),
-    })
+    })?)
 }
 
 /// Writes a record, whole or not at all.
 pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Error> {
-    let io = |source| quietlight_denoise::Error::Io { path: path.to_path_buf(), source };
     atomic::write(path, |file| {
-        serde_json::to_writer_pretty(&mut *file, value).map_err(|error| io(error.into()))?;
-        file.write_all(b"\n").map_err(io)
+        serde_json::to_writer_pretty(&mut *file, value).map_err(|error| at(path)(error.into()))?;
+        file.write_all(b"\n").map_err(at(path))
     })?;
     Ok(())
 }

@@ -9,7 +9,7 @@ use quietlight_denoise::picture::read_picture;
 use quietlight_denoise::{LayerKind, exr};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 fn quietlight(arguments: &[&str], folder: &Path) -> Output {
@@ -34,4 +34,28 @@ fn contents(path: &Path) -> (exr::Contents, BTreeMap<String, String>) {
     let mut metadata = contents.layers.metadata.clone();
     metadata.retain(|name, _| !name.ends_with("seconds") && name != "threads");
     (contents, metadata)
+}
+
+/// Names in a folder, in order.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("a folder");
+    let name = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.expect("an entry").file_name().into_string().expect("a name")
+    };
+    let mut names: Vec<String> = entries.map(name).collect();
+    names.sort();
+    names
+}
+
+/// A mistake of the user's own: exit code 2, and a message with `expected` in it.
+fn assert_refused(arguments: &[&str], expected: &str, folder: &Path) {
+    let done = quietlight(arguments, folder);
+    assert_eq!(done.status.code(), Some(2), "{arguments:?}: {}", text(&done.stderr));
+    assert!(text(&done.stderr).contains(expected), "{arguments:?}: {}", text(&done.stderr));
+}
+
+/// What Ctrl-C does.
+fn interrupt(child: &Child) {
+    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(kill.expect("kill runs").success());
 }

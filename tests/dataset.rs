@@ -200,7 +200,7 @@ fn sets_that_disagree_are_not_merged() {
     let inputs = [forged.path().to_path_buf()];
     assert!(matches!(
         merge(merged.path(), &inputs),
-        Err(Error::Folder(folder::Error::Format { .. }))
+        Err(Error::Folder(folder::Error::File(quietlight_denoise::Error::Format { .. })))
     ));
     assert!(records(merged.path()).expect("a folder").is_empty(), "nothing was taken over");
 }

@@ -2,7 +2,6 @@
 
 use super::manifest::{View, views};
 use super::{Error, exposure};
-use crate::folder;
 use ndarray::s;
 use quietlight_denoise::{Image, exr, png};
 use std::path::Path;
@@ -14,12 +13,12 @@ const THUMBNAIL: usize = 128;
 /// render and, to its right, the reference. Each pair has the exposure of its reference. Returns the ids, row by row.
 ///
 /// # Errors
-/// Where a view cannot be read, or the PNG not be written; [`folder::Error::Format`] where there is no view with pictures.
+/// Where a view cannot be read, or the PNG not be written; [`Format`](quietlight_denoise::Error::Format) where there is no view with pictures.
 pub fn write(set: &Path, most: usize, output: &Path) -> Result<Vec<String>, Error> {
     let rendered = views(set)?;
     let count = rendered.len().min(most);
     if count == 0 {
-        return Err(folder::Error::Format {
+        return Err(quietlight_denoise::Error::Format {
             path: set.to_path_buf(),
             found: "no complete view".to_owned(),
             expected: "at least one".to_owned(),
@@ -36,7 +35,7 @@ pub fn write(set: &Path, most: usize, output: &Path) -> Result<Vec<String>, Erro
         let read = |file: &str| -> Result<Image, Error> {
             let path = View::folder(set, id).join(file);
             let contents = exr::read(&path)?;
-            let found = contents.picture.ok_or_else(|| folder::Error::Format {
+            let found = contents.picture.ok_or_else(|| quietlight_denoise::Error::Format {
                 path,
                 found: "no picture".to_owned(),
                 expected: "the channels R, G and B".to_owned(),

@@ -4,7 +4,7 @@
 
 use super::Error;
 use super::manifest::{Split, View, views};
-use crate::folder::{self, at};
+use crate::folder::at;
 use quietlight_denoise::exr::{self, WriteOptions};
 use quietlight_denoise::{Image, LayerKind, Layers};
 use std::collections::BTreeMap;
@@ -80,11 +80,12 @@ fn split_layers(file: &Path, folder: &Path, name: &str) -> Result<(), Error> {
     let mut layers = exr::read(file)?.layers;
     let size = (layers.width, layers.height);
     for (kind, ending) in FEATURES {
-        let layer = layers.layers.remove(&kind).ok_or_else(|| folder::Error::Format {
-            path: file.to_path_buf(),
-            found: format!("no layer {}", kind.name()),
-            expected: "colour, albedo and normal".to_owned(),
-        })?;
+        let layer =
+            layers.layers.remove(&kind).ok_or_else(|| quietlight_denoise::Error::Format {
+                path: file.to_path_buf(),
+                found: format!("no layer {}", kind.name()),
+                expected: "colour, albedo and normal".to_owned(),
+            })?;
         write_plain(&folder.join(format!("{name}.{ending}.exr")), &layer.mean, size)?;
     }
     Ok(())

@@ -100,16 +100,14 @@ impl Manifest {
     /// Reads the manifest of the data set in `folder`.
     ///
     /// # Errors
-    /// [`Error::Io`] where there is none, [`Error::Format`] where it is none of this schema.
+    /// [`Error::File`] where there is none, or it is none of this schema.
     pub fn read(folder: &Path) -> Result<Self, Error> {
         let path = Self::path(folder);
         let manifest: Self = read_json(&path, SET)?;
         if manifest.schema != SCHEMA {
-            return Err(Error::Format {
-                path,
-                found: format!("schema {}", manifest.schema),
-                expected: format!("schema {SCHEMA}"),
-            });
+            let found = format!("schema {}", manifest.schema);
+            let expected = format!("schema {SCHEMA}");
+            return Err(quietlight_denoise::Error::Format { path, found, expected }.into());
         }
         Ok(manifest)
     }
@@ -117,7 +115,7 @@ impl Manifest {
     /// Writes it into `folder`, whole or not at all.
     ///
     /// # Errors
-    /// [`Error::Io`] where the folder cannot be written.
+    /// [`Error::File`] where the folder cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), Error> {
         write_json(&Self::path(folder), self)
     }
@@ -285,7 +283,7 @@ impl Record {
     /// Reads what became of a view; `None` where nothing has yet.
     ///
     /// # Errors
-    /// [`Error::Io`] and [`Error::Format`] where the file is there and cannot be read.
+    /// [`Error::File`] where the file is there and cannot be read.
     pub fn read(folder: &Path, id: &str) -> Result<Option<Self>, Error> {
         let folder = View::folder(folder, id);
         let (view, skipped) = (folder.join(VIEW), folder.join(SKIPPED));
@@ -301,7 +299,7 @@ impl Record {
     /// Writes it into the folder of its view, whole or not at all: from then on the view is done.
     ///
     /// # Errors
-    /// [`Error::Io`] where that folder cannot be written.
+    /// [`Error::File`] where that folder cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), Error> {
         let folder = View::folder(folder, &self.identity().id);
         match self {
@@ -314,7 +312,7 @@ impl Record {
 /// What became of the views of the data set in `folder`, by their ids; those not done are left out.
 ///
 /// # Errors
-/// [`Error::Io`] and [`Error::Format`] where a folder or a file cannot be read.
+/// [`Error::File`] where a folder or a file cannot be read.
 pub fn records(folder: &Path) -> Result<Vec<Record>, Error> {
     let path = folder.join("views");
     let mut ids = Vec::new();

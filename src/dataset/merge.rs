@@ -21,7 +21,7 @@ pub struct Merged {
 ///
 /// # Errors
 /// [`folder::Error::Settings`] where two sets have different settings, [`Error::Conflict`] where they hold different renders of
-/// one view, both before anything is copied; [`folder::Error::Format`] where a copied file has not the hash that its view says.
+/// one view, both before anything is copied; [`Format`](quietlight_denoise::Error::Format) where a copied file has not the hash that its view says.
 pub fn merge(output: &Path, inputs: &[PathBuf]) -> Result<Merged, Error> {
     let mut all: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     if Manifest::path(output).exists() {
@@ -105,7 +105,9 @@ fn copy(record: &Record, from: &Path, to: &Path) -> Result<(), Error> {
             if found != *expected {
                 let found = format!("the SHA-256 {found}");
                 let expected = expected.clone();
-                return Err(folder::Error::Format { path: from, found, expected }.into());
+                return Err(
+                    quietlight_denoise::Error::Format { path: from, found, expected }.into()
+                );
             }
             fs::write(&to, bytes).map_err(at(&to))?;
         }

@@ -30,7 +30,7 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The folder cannot be used.
+    /// The folder or a file of it cannot be used.
     #[error(transparent)]
     Folder(#[from] folder::Error),
     /// Two data sets hold different renders of one view.
@@ -57,10 +57,13 @@ pub enum Error {
         /// Bytes free on its disk.
         free: u64,
     },
-    /// An image cannot be read or written.
-    #[error(transparent)]
-    Image(#[from] quietlight_denoise::Error),
     /// Threads cannot be started.
     #[error("cannot start threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+impl From<quietlight_denoise::Error> for Error {
+    fn from(error: quietlight_denoise::Error) -> Self {
+        Self::Folder(error.into())
+    }
 }

@@ -172,14 +172,12 @@ mod tests {
         let original = Scene::load(&own("still-life"), &LoadOptions::default()).unwrap();
         let at = |scene: &Scene, material: usize| {
             let at = crate::geometry::Interaction {
-                part: 0,
-                position: Vec3::ZERO,
-                error: Vec3::ZERO,
                 normal: Vec3::Z,
                 shading_normal: Vec3::Z,
                 uv: glam::Vec2::splat(0.3),
                 dp_du: Vec3::X,
                 dp_dv: Vec3::Y,
+                ..Default::default()
             };
             scene.materials[material].bsdf(&at).albedo()
         };

@@ -53,8 +53,6 @@ pub(super) struct Spread {
     /// Rounds that take them, and those done.
     rounds: u32,
     done: u32,
-    /// Samples of the rest so far, of the whole picture.
-    taken: u64,
 }
 
 impl Spread {
@@ -80,16 +78,23 @@ impl Spread {
             None => vec![rest; width * height],
         };
         let rounds = (seconds.min(1e6) as u32).max(ROUNDS);
-        Self { pilot, counts, rounds, done: 0, taken: 0 }
+        Self { pilot, counts, rounds, done: 0 }
     }
 
-    fn pixels(&self) -> f64 {
-        self.counts.len() as f64
+    /// Samples of the rest that a pixel has, by its index, after so many rounds: always whole pairs, one for each half.
+    fn due(&self, pixel: usize, rounds: u32) -> u32 {
+        let pairs = u64::from(self.counts[pixel]) * u64::from(rounds);
+        2 * (pairs.div_ceil(2 * u64::from(self.rounds)) as u32)
     }
 
-    /// Samples of the rest per pixel so far, on average.
+    /// Samples of the rest so far, of the whole picture.
+    fn taken(&self) -> u64 {
+        (0..self.counts.len()).map(|pixel| u64::from(self.due(pixel, self.done))).sum()
+    }
+
+    /// The same per pixel, on average.
     fn mean(&self) -> f64 {
-        self.taken as f64 / self.pixels()
+        self.taken() as f64 / self.counts.len() as f64
     }
 
     /// Samples per pixel so far, those of the pilot included.
@@ -99,13 +104,13 @@ impl Spread {
 
     /// The same of the whole picture.
     pub(super) fn all(&self) -> u64 {
-        u64::from(self.pilot) * self.counts.len() as u64 + self.taken
+        u64::from(self.pilot) * self.counts.len() as u64 + self.taken()
     }
 
     /// The mean of the layers of the pilot and those of the rest, both with their variances corrected.
     pub(super) fn weigh(&self, pilot: Layers, rest: &Layers) -> Layers {
         let weight = f64::from(self.pilot) / (f64::from(self.pilot) + self.mean());
-        if self.taken == 0 { pilot } else { weigh(pilot, rest, weight as f32) }
+        if self.done == 0 { pilot } else { weigh(pilot, rest, weight as f32) }
     }
 
     /// How samples were spread, in words.
@@ -150,16 +155,10 @@ impl<'a> Rest<'a> {
 impl Method for Rest<'_> {
     /// However many samples there are to be: they were spread before.
     fn round(&mut self, _most: u32) {
-        let Spread { counts, rounds, done, taken, .. } = &mut self.spread;
-        let due = |count: u32, done: u32| {
-            // Always whole pairs, one for each half.
-            let pairs = u64::from(count) * u64::from(done);
-            2 * (pairs.div_ceil(2 * u64::from(*rounds)) as u32)
-        };
-        *taken = self
-            .sampled
-            .pass_each(|pixel| due(counts[pixel], *done)..due(counts[pixel], *done + 1));
-        *done += 1;
+        let Self { spread, sampled } = self;
+        let done = spread.done;
+        sampled.pass_each(|pixel| spread.due(pixel, done)..spread.due(pixel, done + 1));
+        spread.done += 1;
     }
 
     fn is_complete(&self, _most: u32) -> bool {

@@ -146,25 +146,20 @@ impl<'a> Sampled<'a> {
 }
 
 impl Sampled<'_> {
-    /// Takes other samples in each pixel of the crop window, by its index row after row: those of these numbers. Returns how many
-    /// there are now in the whole picture.
-    pub(super) fn pass_each(&mut self, numbers_of: impl Fn(usize) -> Range<u32> + Sync) -> u64 {
+    /// Takes other samples in each pixel of the crop window, by its index row after row: those of these numbers.
+    pub(super) fn pass_each(&mut self, numbers_of: impl Fn(usize) -> Range<u32> + Sync) {
         let Self { scene, path_tracing, seed, sampler, taken, .. } = self;
         let numbers = Numbers { seed: *seed, sampler: *sampler };
         let width = scene.film.crop[2] as usize;
         let (tiles, kept) = taken.film.tiles_mut();
-        let counts = tiles.par_iter_mut().map(|tile| {
-            let mut count = 0;
+        tiles.par_iter_mut().for_each(|tile| {
             let places = tile.pixels().zip(tile.film_pixels()).enumerate();
             let wanted = places.flat_map(|(index, ([x, y], pixel))| {
                 let samples = numbers_of(y as usize * width + x as usize);
-                count += u64::from(samples.end);
                 samples.map(move |sample| (index, pixel, sample))
             });
             numbers.fill(scene, path_tracing, tile, kept, wanted);
-            count
         });
-        counts.sum()
     }
 }
 

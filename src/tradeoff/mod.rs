@@ -41,7 +41,7 @@ pub const PAGE: &str = "tradeoff.html";
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The folder cannot be used.
+    /// The folder or a file of it cannot be used.
     #[error(transparent)]
     Folder(#[from] folder::Error),
     /// Nothing of what was asked for can be measured.
@@ -50,10 +50,13 @@ pub enum Error {
     /// A scene cannot be loaded.
     #[error(transparent)]
     Scene(#[from] crate::scene::SceneError),
-    /// An image cannot be read, written or denoised.
-    #[error(transparent)]
-    Image(#[from] quietlight_denoise::Error),
     /// Threads cannot be started.
     #[error("cannot start threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+impl From<quietlight_denoise::Error> for Error {
+    fn from(error: quietlight_denoise::Error) -> Self {
+        Self::Folder(error.into())
+    }
 }

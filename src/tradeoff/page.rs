@@ -146,8 +146,7 @@ pub fn write(folder: &Path, scores: &Scores) -> Result<(), Error> {
         csv: CSV,
         json: JSON,
     };
-    let io = |source| quietlight_denoise::Error::Io { path: path.clone(), source };
-    atomic::write(&path, |file| page.write_into(file).map_err(io))?;
+    atomic::write(&path, |file| page.write_into(file).map_err(at(&path)))?;
     Ok(())
 }
 

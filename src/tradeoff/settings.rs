@@ -197,7 +197,7 @@ impl Settings {
     /// Reads the settings of the measurement in `folder`.
     ///
     /// # Errors
-    /// [`Error::Io`] and [`Error::Format`] where there are none.
+    /// [`Error::File`] where there are none.
     pub fn read(folder: &Path) -> Result<Self, Error> {
         read_json(&Self::path(folder), MEASUREMENT)
     }
@@ -205,7 +205,7 @@ impl Settings {
     /// Writes them, whole or not at all.
     ///
     /// # Errors
-    /// [`Error::Write`] where the folder cannot be written.
+    /// [`Error::File`] where the folder cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), Error> {
         write_json(&Self::path(folder), self)
     }

@@ -54,8 +54,7 @@ impl Scores {
     pub fn write_csv(&self, folder: &Path) -> Result<(), Error> {
         let path = folder.join(CSV);
         let bytes = self.csv().map_err(|error| at(&path)(error.into()))?;
-        let io = |source| quietlight_denoise::Error::Io { path: path.clone(), source };
-        Ok(atomic::write(&path, |file| std::io::Write::write_all(file, &bytes).map_err(io))?)
+        Ok(atomic::write(&path, |file| std::io::Write::write_all(file, &bytes).map_err(at(&path)))?)
     }
 
     fn csv(&self) -> Result<Vec<u8>, csv::Error> {

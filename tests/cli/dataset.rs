@@ -65,15 +65,9 @@ fn dataset_refuses_what_cannot_be_meant() {
         (vec!["dataset", "export", "set", "out"], "set"),
         (vec!["dataset", "merge", "out", "set"], "set"),
     ] {
-        let done = quietlight(&arguments, folder.path());
-        assert_eq!(done.status.code(), Some(2), "{arguments:?}: {}", text(&done.stderr));
-        assert!(text(&done.stderr).contains(expected), "{arguments:?}: {}", text(&done.stderr));
+        assert_refused(&arguments, expected, folder.path());
     }
-    assert_eq!(
-        std::fs::read_dir(folder.path()).expect("a folder").count(),
-        1,
-        "nothing was written"
-    );
+    assert_eq!(names(folder.path()).len(), 1, "nothing was written");
 }
 
 #[cfg(unix)]
@@ -90,9 +84,7 @@ fn ctrl_c_drops_the_views_under_way_and_exits_with_130() {
         .spawn()
         .expect("the binary runs");
     std::thread::sleep(Duration::from_secs(4));
-    let interrupt =
-        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
-    assert!(interrupt.success());
+    interrupt(&child);
     let asked = Instant::now();
     let done = child.wait_with_output().expect("the process ends");
     assert_eq!(done.status.code(), Some(130), "{}", text(&done.stderr));

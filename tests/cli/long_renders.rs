@@ -16,9 +16,7 @@ fn ctrl_c_writes_what_there_is_and_exits_with_130() {
         .spawn()
         .expect("the binary runs");
     std::thread::sleep(Duration::from_secs(3));
-    let interrupt =
-        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
-    assert!(interrupt.success());
+    interrupt(&child);
     let asked = Instant::now();
     let status = child.wait().expect("the process ends");
     assert_eq!(status.code(), Some(130));
@@ -40,17 +38,6 @@ fn assert_same_picture(found: &Path, expected: &Path) {
         assert_eq!(other.variance, layer.variance, "variance of {kind:?}");
         assert_eq!(other.halves, layer.halves, "halves of {kind:?}");
     }
-}
-
-/// Names in a folder, in order.
-fn names(folder: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).expect("a folder");
-    let name = |entry: std::io::Result<std::fs::DirEntry>| {
-        entry.expect("an entry").file_name().into_string().expect("a name")
-    };
-    let mut names: Vec<String> = entries.map(name).collect();
-    names.sort();
-    names
 }
 
 #[test]
@@ -215,8 +202,7 @@ fn an_interrupted_render_is_kept_and_goes_on() {
         .spawn()
         .expect("the binary runs");
     std::thread::sleep(Duration::from_millis(1500));
-    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(interrupt.expect("kill is there").success());
+    interrupt(&child);
     let ended = child.wait_with_output().expect("it ends");
     assert_eq!(ended.status.code(), Some(130));
     assert!(text(&ended.stderr).contains("--resume goes on"), "{}", text(&ended.stderr));

@@ -87,15 +87,9 @@ fn bad_input_exits_with_2_says_where_and_writes_nothing() {
         (vec!["compare", "bad.xml", "bad.xml"], "bad.xml"),
         (vec!["inspect", "bad.xml"], "spere"),
     ] {
-        let done = quietlight(&arguments, folder.path());
-        assert_eq!(done.status.code(), Some(2), "{arguments:?}: {}", text(&done.stderr));
-        assert!(text(&done.stderr).contains(expected), "{arguments:?}: {}", text(&done.stderr));
+        assert_refused(&arguments, expected, folder.path());
     }
-    assert_eq!(
-        std::fs::read_dir(folder.path()).expect("a folder").count(),
-        1,
-        "nothing was written"
-    );
+    assert_eq!(names(folder.path()).len(), 1, "nothing was written");
 }
 
 /// A tiny random network of the tests of `denoise`.

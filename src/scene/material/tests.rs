@@ -6,14 +6,12 @@ use std::sync::Arc;
 
 fn at(uv: Vec2) -> Interaction {
     Interaction {
-        part: 0,
-        position: Vec3::ZERO,
-        error: Vec3::ZERO,
         normal: Vec3::Z,
         shading_normal: Vec3::Z,
         uv,
-        dp_du: Vec3::new(4.0, 0.0, 0.0),
-        dp_dv: Vec3::new(0.0, 1.0, 0.0),
+        dp_du: 4.0 * Vec3::X,
+        dp_dv: Vec3::Y,
+        ..Interaction::default()
     }
 }
 

@@ -14,14 +14,11 @@ fn make(text: &str) -> (Material, Option<Texture>) {
 
 fn at() -> Interaction {
     Interaction {
-        part: 0,
-        position: Vec3::ZERO,
-        error: Vec3::ZERO,
         normal: Vec3::Z,
         shading_normal: Vec3::Z,
-        uv: Vec2::ZERO,
         dp_du: Vec3::X,
         dp_dv: Vec3::Y,
+        ..Interaction::default()
     }
 }
 
