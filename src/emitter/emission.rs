@@ -51,8 +51,8 @@ impl Emitters {
         let point = match &self.sources[choice.index] {
             Source::Area(area) => {
                 let (point, error) = area.sample_point(choice.remainder, u)?;
-                let (position, normal) = (point.position, point.normal);
-                LightPoint::Surface { position, error, normal, uv: point.uv }
+                let uv = area.uv(choice.remainder, u);
+                LightPoint::Surface { position: point.position, error, normal: point.normal, uv }
             }
             Source::Point(point) => LightPoint::Point { position: point.position },
             Source::Spot(spot) => LightPoint::Point { position: spot.point.position },
