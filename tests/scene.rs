@@ -215,7 +215,7 @@ fn a_rectangle_faces_z_even_when_mirrored() {
 
 #[test]
 fn uv_runs_over_a_rectangle_from_corner_to_corner() {
-    let scene = load("<shape type='rectangle'/>").expect("a scene");
+    let scene = load(&format!("<shape type='rectangle'>{CHECKS}</shape>")).expect("a scene");
     // 25 pixels a unit: (0.5, 0.25) is at 12.5 pixels to the right and 6.25 up.
     let uv = look(&scene, [112.5, 43.75]).expect("a hit").uv;
     assert!((uv - Vec2::new(0.75, 0.625)).length() < 1e-5, "{uv}");
@@ -267,9 +267,42 @@ fn analytic_shapes_stay_analytic_while_they_are_round() {
     }
 }
 
+/// A material that asks for surface coordinates.
+const CHECKS: &str =
+    "<bsdf type='diffuse'><texture name='reflectance' type='checkerboard'/></bsdf>";
+
+#[test]
+fn meshes_keep_surface_coordinates_for_what_asks_for_them() {
+    const BOARD: &str = "<texture type='checkerboard'";
+    let asking = [
+        CHECKS.to_owned(),
+        format!("<bsdf type='mask'>{BOARD} name='opacity'/><bsdf type='diffuse'/></bsdf>"),
+        format!("<bsdf type='bumpmap'>{BOARD}/><bsdf type='diffuse'/></bsdf>"),
+        "<bsdf type='roughconductor'><float name='alpha_u' value='0.1'/><float name='alpha_v' value='0.3'/></bsdf>".into(),
+        format!("<emitter type='area'>{BOARD} name='radiance'/></emitter>"),
+    ];
+    let others = [
+        String::new(),
+        "<bsdf type='roughconductor'><float name='alpha' value='0.1'/></bsdf>".into(),
+        "<emitter type='area'/>".into(),
+    ];
+    let kept = |inside: &String| {
+        let scene = load(&format!("<shape type='cube'>{inside}</shape>")).expect("a scene");
+        let mesh = scene.geometry.parts()[0].mesh().expect("a mesh");
+        assert!([0, mesh.positions.len()].contains(&mesh.uvs.len()), "{inside}");
+        !mesh.uvs.is_empty()
+    };
+    for inside in &asking {
+        assert!(kept(inside), "{inside}");
+    }
+    for inside in &others {
+        assert!(!kept(inside), "{inside}");
+    }
+}
+
 #[test]
 fn texture_coordinates_turn_with_spheres_and_cylinders() {
-    let pattern = "<bsdf type='diffuse'><texture name='reflectance' type='checkerboard'/></bsdf>";
+    let pattern = CHECKS;
     let turn = "<transform name='to_world'><rotate y='1' angle='90'/></transform>";
     let shape = |name: &str, inside: &str| {
         load(&format!("<shape type='{name}'>{inside}</shape>")).expect("a scene")
@@ -298,7 +331,8 @@ fn texture_coordinates_turn_with_spheres_and_cylinders() {
 #[test]
 fn a_cube_is_closed_and_faces_outward() {
     let Part::Mesh(mesh) =
-        load("<shape type='cube'/>").expect("a scene").geometry.parts()[0].clone()
+        load(&format!("<shape type='cube'>{CHECKS}</shape>")).expect("a scene").geometry.parts()[0]
+            .clone()
     else {
         panic!("not a mesh")
     };
@@ -409,7 +443,7 @@ fn obj_flips_v_unless_told_not_to_and_ply_does_not() {
             flip => format!("<boolean name='flip_tex_coords' value='{flip}'/>"),
         };
         let content = format!(
-            "{CAMERA}<shape type='{kind}'><string name='filename' value='a.{kind}'/>{flip}</shape>"
+            "{CAMERA}<shape type='{kind}'><string name='filename' value='a.{kind}'/>{flip}{CHECKS}</shape>"
         );
         let scene = load_with(&content, &[("a.obj", obj), ("a.ply", ply)], &LoadOptions::default())
             .expect("a scene");

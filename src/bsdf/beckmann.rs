@@ -38,7 +38,7 @@ pub(super) fn projected_area(cos: f32, slope: f32) -> f32 {
 /// function, which is smooth in `u` (as Jakob 2014, "An Improved Visible Normal Sampling Routine for the Beckmann
 /// Distribution", asks for), `y` by the inverse error function.
 pub(super) fn sample_visible(w: Vec3, u: Vec2) -> Vec3 {
-    let sin = w.x.hypot(w.y);
+    let sin = w.truncate().length();
     let x = visible_slope(w.z, sin, u.x);
     let y = erf_inverse(2.0 * u.y - 1.0);
     // The slope x runs away from the viewer's azimuth; any azimuth will do where the viewer is at the pole.

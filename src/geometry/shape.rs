@@ -13,9 +13,10 @@ use sphere::Sphere;
 
 use super::bvh::{Aabb, Query};
 use super::{Interaction, Part, Ray};
+use crate::math::arc_tangent::arc_tangent2;
 use crate::math::float::gamma;
 use glam::{DVec3, Vec2, Vec3};
-use std::f64::consts::TAU;
+use std::f32::consts::TAU;
 
 /// A shape ready for rays.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +41,7 @@ macro_rules! dispatch {
 pub(super) struct Point {
     position: DVec3,
     normal: DVec3,
-    uv: (f64, f64),
+    uv: Vec2,
     dp_du: DVec3,
     dp_dv: DVec3,
     /// The sizes that `position` was computed from, for its error.
@@ -98,7 +99,7 @@ impl Shape {
             error,
             normal,
             shading_normal: normal,
-            uv: Vec2::new(point.uv.0 as f32, point.uv.1 as f32),
+            uv: point.uv,
             dp_du: point.dp_du.as_vec3(),
             dp_dv: point.dp_dv.as_vec3(),
         }
@@ -122,8 +123,8 @@ fn circle_roots(origin: DVec3, direction: DVec3, radius: f64) -> Option<[f64; 2]
 }
 
 /// The angle of `(x, y)` as a share of the full circle, in `[0, 1)`.
-fn turn(x: f64, y: f64) -> f64 {
-    let turn = y.atan2(x) / TAU;
+fn turn(x: f64, y: f64) -> f32 {
+    let turn = arc_tangent2(y as f32, x as f32) / TAU;
     if turn < 0.0 { turn + 1.0 } else { turn }
 }
 

@@ -92,7 +92,13 @@ impl Description {
         let mut surfaces = Vec::with_capacity(self.shapes.len());
         let mut emitters = Vec::new();
         for ShapeDescription { shape, material, radiance } in self.shapes {
-            let part = shape.into_part(origin);
+            let mut part = shape.into_part(origin);
+            if let Part::Mesh(mesh) = &mut part
+                && !self.materials[material.0 as usize].needs_coordinates()
+                && radiance.as_ref().is_none_or(|radiance| radiance.constant().is_some())
+            {
+                mesh.uvs = Vec::new();
+            }
             let emitter = radiance.map(|radiance| {
                 emitters.push(Emitter::Area { part: part.clone(), radiance });
                 EmitterId((emitters.len() - 1) as u32)

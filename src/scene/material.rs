@@ -208,6 +208,13 @@ impl Material {
         }
     }
 
+    /// Does it ask where on a surface it is: by a texture, or for a direction to follow?
+    pub fn needs_coordinates(&self) -> bool {
+        let mut is_textured = false;
+        self.textures(&mut |texture| is_textured |= texture.constant().is_none());
+        is_textured || self.relief.is_some() || !self.is_isotropic
+    }
+
     /// Do all lobes scatter diffusely? Then there is no specular radiance but what is seen directly.
     pub fn is_diffuse_only(&self) -> bool {
         self.model.all(&|model| matches!(model, Model::Diffuse(_)))

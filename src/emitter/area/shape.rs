@@ -2,6 +2,7 @@
 
 use crate::geometry::interaction::triangle_error;
 use crate::geometry::{Mesh, Part};
+use crate::math::arc_tangent::arc_tangent2;
 use crate::math::distribution::AliasTable;
 use crate::math::float::gamma;
 use crate::math::{Frame, warp};
@@ -67,21 +68,21 @@ impl Shape {
         match part {
             Part::Mesh(mesh) => mesh_shape(&mesh, is_textured),
             Part::Sphere { center, radius, flip_normals } => (
-                Shape::Sphere { center, radius, flip_normals },
+                Self::Sphere { center, radius, flip_normals },
                 4.0 * PI * f64::from(radius).powi(2),
             ),
             Part::Disk { center, axes, flip_normals } => {
                 let [a, b] = axes.map(|axis| axis.as_dvec3());
                 let across = if flip_normals { b.cross(a) } else { a.cross(b) };
                 let normal = across.normalize_or_zero().as_vec3();
-                (Shape::Disk { center, axes, normal }, PI * across.length())
+                (Self::Disk { center, axes, normal }, PI * across.length())
             }
             Part::Cylinder { start, end, radius, flip_normals } => {
                 let span = end.as_dvec3() - start.as_dvec3();
                 let frame = Frame::from_normal(span.normalize_or(glam::DVec3::Z).as_vec3());
                 let length = span.length();
                 let shape =
-                    Shape::Cylinder { start, frame, length: length as f32, radius, flip_normals };
+                    Self::Cylinder { start, frame, length: length as f32, radius, flip_normals };
                 (shape, 2.0 * PI * f64::from(radius) * length)
             }
         }
@@ -196,13 +197,13 @@ impl Shape {
 
 /// Surface coordinates of a sphere, as in Mitsuba 3: `φ/2π` around `z` from `x`, `θ/π` from the north pole.
 pub(super) fn sphere_uv(outward: Vec3) -> Vec2 {
-    let theta = outward.truncate().length().atan2(outward.z);
+    let theta = arc_tangent2(outward.truncate().length(), outward.z);
     Vec2::new(turn(outward.truncate()), theta * FRAC_1_PI)
 }
 
 /// The angle of a vector as a share of the full circle, in `[0, 1)`.
 fn turn(vector: Vec2) -> f32 {
-    let turn = vector.y.atan2(vector.x) / TAU;
+    let turn = arc_tangent2(vector.y, vector.x) / TAU;
     if turn < 0.0 { turn + 1.0 } else { turn }
 }
 

@@ -3,7 +3,7 @@
 
 use super::{Point, are_finite, circle_roots, oriented, turn};
 use crate::math::Frame;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::TAU;
 
 #[derive(Clone, Copy, Debug)]
@@ -64,7 +64,7 @@ impl Cylinder {
         Point {
             position: self.start + axis * local.z + outward * self.radius,
             normal: oriented(outward, self.flip_normals),
-            uv: (turn(around.x, around.y), local.z / self.length),
+            uv: Vec2::new(turn(around.x, around.y), (local.z / self.length) as f32),
             dp_du: (y * around.x - x * around.y) * (TAU * self.radius),
             dp_dv: axis * self.length,
             magnitude: self.start.abs().max_element() + self.length + self.radius,

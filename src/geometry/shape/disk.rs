@@ -2,7 +2,7 @@
 //! first half-axis.
 
 use super::{Point, are_finite, oriented, turn};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::TAU;
 
 #[derive(Clone, Copy, Debug)]
@@ -45,12 +45,12 @@ impl Disk {
     pub(super) fn point(&self, near: DVec3) -> Point {
         let (x, y) = self.local(near - self.center);
         let [first, second] = self.axes;
-        let radius = x.hypot(y);
+        let radius = (x * x + y * y).sqrt();
         let (cos_phi, sin_phi) = if radius > 0.0 { (x / radius, y / radius) } else { (1.0, 0.0) };
         Point {
             position: self.center + first * x + second * y,
             normal: oriented(self.normal, self.flip_normals),
-            uv: (radius, turn(x, y)),
+            uv: Vec2::new(radius as f32, turn(x, y)),
             dp_du: first * cos_phi + second * sin_phi,
             dp_dv: (second * x - first * y) * TAU,
             magnitude: self.center.abs().max_element() + first.length() + second.length(),

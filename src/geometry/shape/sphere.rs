@@ -1,7 +1,9 @@
 //! Spheres, parametrised as in Mitsuba 3: `u = φ/2π` around the z axis from the x axis, `v = θ/π` from the north pole.
 
 use super::{Point, are_finite, circle_roots, oriented, turn};
-use glam::{DVec3, Vec3};
+use crate::math::arc_tangent::arc_tangent2;
+use glam::{DVec3, Vec2, Vec3};
+use std::f32::consts::FRAC_1_PI;
 use std::f64::consts::{PI, TAU};
 
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +34,7 @@ impl Sphere {
     /// The point of the surface nearest to `near`.
     pub(super) fn point(&self, near: DVec3) -> Point {
         let outward = (near - self.center).normalize_or(DVec3::Z);
-        let (sin_theta, z) = (outward.x.hypot(outward.y), outward.z);
+        let (sin_theta, z) = (outward.truncate().length(), outward.z);
         // At the poles any direction serves as φ = 0.
         let (cos_phi, sin_phi) = if sin_theta > 0.0 {
             (outward.x / sin_theta, outward.y / sin_theta)
@@ -42,7 +44,10 @@ impl Sphere {
         Point {
             position: self.center + outward * self.radius,
             normal: oriented(outward, self.flip_normals),
-            uv: (turn(outward.x, outward.y), sin_theta.atan2(z) / PI),
+            uv: Vec2::new(
+                turn(outward.x, outward.y),
+                arc_tangent2(sin_theta as f32, z as f32) * FRAC_1_PI,
+            ),
             dp_du: DVec3::new(-outward.y, outward.x, 0.0) * (TAU * self.radius),
             dp_dv: DVec3::new(z * cos_phi, z * sin_phi, -sin_theta) * (PI * self.radius),
             magnitude: self.center.abs().max_element() + self.radius,
