@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::kpcn::{self, Branch};
-use crate::layers::{Image, Layers};
+use crate::layers::{Image, LayerKind, Layers};
 use crate::sanitize::Sanitised;
 use crate::{bilateral, kpcn::Quality};
 use std::path::Path;
@@ -74,6 +74,15 @@ impl Denoiser {
         match self {
             Self::Bilateral { name, .. } => name,
             Self::Kpcn { .. } => "kpcn",
+        }
+    }
+
+    /// Does it look at layers of that kind?
+    pub fn uses(&self, kind: LayerKind) -> bool {
+        const LIGHT: [LayerKind; 3] = [LayerKind::Beauty, LayerKind::Diffuse, LayerKind::Specular];
+        match self {
+            Self::Bilateral { .. } => LIGHT.contains(&kind) || bilateral::GROUPS.contains(&kind),
+            Self::Kpcn { .. } => kpcn::LAYERS.contains(&kind),
         }
     }
 

@@ -111,7 +111,8 @@ impl ErrorEstimate {
         }
         let denoise = |index: usize| {
             let part = |done: f32| progress(0.5 * (index as f32 + done));
-            denoiser.denoise(&half(layers, index), threads, &part)
+            let half = half(layers, index, |kind| denoiser.uses(kind));
+            denoiser.denoise(&half, threads, &part)
         };
         let (first, second) = (denoise(0)?.image, denoise(1)?.image);
         threads.install(|| {
@@ -154,8 +155,9 @@ fn halves_of(layers: &Layers) -> Option<[&Image; 2]> {
     (a != b).then_some([a, b])
 }
 
-/// One half of the samples as a picture of its own, with its halves unknown and twice the variance.
-pub fn half(layers: &Layers, index: usize) -> Layers {
+/// One half of the samples as a picture of its own, with its halves unknown and twice the variance; of the layers that are
+/// wanted.
+pub fn half(layers: &Layers, index: usize, is_wanted: impl Fn(LayerKind) -> bool) -> Layers {
     let of_half = |layer: &Layer| Layer {
         mean: layer.halves.as_ref().map_or_else(|| layer.mean.clone(), |half| half[index].clone()),
         variance: layer.variance.as_ref().map(|variance| variance * 2.0),
@@ -164,7 +166,10 @@ pub fn half(layers: &Layers, index: usize) -> Layers {
     Layers {
         width: layers.width,
         height: layers.height,
-        layers: layers.layers.iter().map(|(&kind, layer)| (kind, of_half(layer))).collect(),
+        layers: (layers.layers.iter())
+            .filter(|(kind, _)| is_wanted(**kind))
+            .map(|(&kind, layer)| (kind, of_half(layer)))
+            .collect(),
         samples: layers.samples.as_ref().map(|samples| samples * 0.5),
         ..Layers::default()
     }

@@ -27,6 +27,14 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
     let threads = thread_pool(arguments.finish.threads)?;
     let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
     let Some(denoiser) = denoiser else { return Ok(()) };
+    // Half of the memory is that of the halves. They are not written again; the estimate needs those of what is looked at,
+    // and where there is no variance they tell it.
+    for (kind, layer) in &mut layers.layers {
+        let is_needed = denoiser.uses(*kind) && !arguments.finish.no_estimate;
+        if !is_needed && layer.variance.is_some() {
+            layer.halves = None;
+        }
+    }
     let start = Instant::now();
     let denoised = denoising::run(&denoiser, &layers, &threads).bad_input()?;
     let seconds = start.elapsed().as_secs_f64();

@@ -156,8 +156,11 @@ fn a_half_is_a_picture_of_half_the_samples() {
     let beauty = layers.layers.get_mut(&LayerKind::Beauty).unwrap();
     beauty.variance = Some(Image::from_elem((3, SIZE, SIZE), 0.005));
     let halves = beauty.halves.clone().unwrap();
+    let other = beauty.clone();
+    layers.layers.insert(LayerKind::Albedo, other);
     for (index, expected) in halves.iter().enumerate() {
-        let one = half(&layers, index);
+        let one = half(&layers, index, |kind| kind == LayerKind::Beauty);
+        assert_eq!(one.layers.len(), 1);
         let beauty = &one.layers[&LayerKind::Beauty];
         assert_eq!(&beauty.mean, expected);
         assert_eq!(beauty.variance.as_ref().unwrap()[[0, 0, 0]], 0.01);

@@ -11,6 +11,16 @@ use crate::layers::{Image, Layer, LayerKind, Layers};
 use crate::sanitize::{Sanitised, is_sane, sanitise};
 use crate::variance;
 
+/// The layers that there may be use of.
+pub const LAYERS: [LayerKind; 6] = [
+    LayerKind::Beauty,
+    LayerKind::Diffuse,
+    LayerKind::Specular,
+    LayerKind::Albedo,
+    LayerKind::Normal,
+    LayerKind::Depth,
+];
+
 /// Exposed specular (or diffuse) light that is nowhere brighter than this is not worth a network: a millionth of the
 /// picture's brightness.
 const DARK: f32 = 1e-6;
@@ -79,14 +89,7 @@ impl<'a> Buffers<'a> {
             sanitised: Sanitised::default(),
             spatial_variance: Vec::new(),
         };
-        for kind in [
-            LayerKind::Beauty,
-            LayerKind::Diffuse,
-            LayerKind::Specular,
-            LayerKind::Albedo,
-            LayerKind::Normal,
-            LayerKind::Depth,
-        ] {
+        for kind in LAYERS {
             buffers.take(layers, kind);
         }
 

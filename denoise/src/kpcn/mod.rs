@@ -26,6 +26,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use buffers::Buffers;
+pub use buffers::LAYERS;
 pub use channels::{KERNEL, PYRAMID};
 pub use kernel::apply as apply_kernel;
 pub use library::{Origin, PATH_VARIABLE};
