@@ -22,7 +22,7 @@
 //! leaves the latter.
 //!
 //! Noise that neighbours share, as that of Markov chains, looks like texture to a denoiser, which keeps more of it the longer
-//! it reaches; the estimate grows with the [`correlation`] of the noise.
+//! it reaches; the estimate grows with its correlation (`estimate/correlation.rs`).
 //!
 //! Relative errors need `r² + ε` in the denominator. `x² + ε` in its place would make too much of all that is too dark, by
 //! orders of magnitude; as `E r² = x² + E (x − r)²` for an unbiased `x`, the squared error itself, smoothed, is added.

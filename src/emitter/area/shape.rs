@@ -171,7 +171,7 @@ const ROUND_ROUNDINGS: u32 = 8;
 
 impl Shape {
     /// Bound of the error of a point of [`Shape::sample`], per axis, for the same `triangle`. As that of an
-    /// [`Interaction`], it also holds what the test of rays that leave errs by.
+    /// [`Interaction`](crate::geometry::Interaction), it also holds what the test of rays that leave errs by.
     pub(super) fn error(&self, triangle: f32, position: Vec3) -> Vec3 {
         let flat = |edges: [Vec3; 2]| {
             let across = edges[0].as_dvec3().cross(edges[1].as_dvec3()).length() as f32;
