@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""Turn the views of a data set into training examples: `preprocess.py DATASET OUT`.
+"""Turn the views of data sets into training examples: `preprocess.py DATASET... OUT`.
 
-Can be stopped and run again while the data set grows: views that are done are left as they are.
+Can be stopped and run again while a data set grows: views that are done are left as they are. An example has the name
+of its data set's folder and of its view.
 """
 
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -29,14 +31,18 @@ def process(view: View, output: Path, patch_size: int, candidates: int) -> str |
 def main(arguments: list[str] | None = None) -> int:
     """Parses the command line, runs and returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("dataset", type=Path, help="folder written by `quietlight dataset`")
+    parser.add_argument("datasets", type=Path, nargs="+", help="folders written by `quietlight dataset`")
     parser.add_argument("output", type=Path, help="folder for the examples")
     parser.add_argument("--patch-size", type=int, default=96, help="pixels of a side (default 96)")
     parser.add_argument("--candidates", type=int, default=16, help="places tried in a view for a patch (default 16)")
     parser.add_argument("--processes", type=int, default=2, help="processes (default 2)")
     args = parser.parse_args(arguments)
     try:
-        views = read_views(args.dataset)
+        views = [
+            replace(view, id=f"{folder.resolve().name}-{view.id}")
+            for folder in args.datasets
+            for view in read_views(folder)
+        ]
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -37,6 +37,18 @@ class Denoiser(nn.Module):
         self.diffuse = make_network(config)
         self.specular = make_network(config)
 
+    def start_from(self, other: "Denoiser"):
+        """Takes the weights of another denoiser, of the same networks or of narrower ones, and computes what it does.
+        Raises `ValueError` where they are others.
+        """
+        if self.config == other.config:
+            self.load_state_dict(other.state_dict())
+        elif self.config.kind == other.config.kind == "kernel_pyramid":
+            for branch in BRANCHES:
+                getattr(self, branch).widen(getattr(other, branch))
+        else:
+            raise ValueError(f"{other.config} cannot become {self.config}")
+
     def forward(self, buffers: Buffers, scale: Tensor) -> Denoised:
         """Denoises a batch; `scale` is the exposure `[batch, 1, 1, 1]`."""
         if self.config.kind == "kernel_pyramid":

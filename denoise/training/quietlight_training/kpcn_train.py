@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, required=True, help="TOML file of the run, as in configs/")
     parser.add_argument("--data", type=Path, required=True, help="folder written by preprocess.py")
     parser.add_argument("--output", type=Path, required=True, help="folder of the run; one with a checkpoint goes on")
-    parser.add_argument("--initial", type=Path, help="checkpoint whose weights to start from (fine-tuning)")
+    parser.add_argument("--initial", type=Path, help="checkpoint to start from, of this network or a narrower one")
     parser.add_argument("--minutes", type=float, help="time to train in all, instead of the configured steps")
     parser.add_argument("--steps", type=int, help="steps in all, instead of the configured ones")
     parser.add_argument("--threads", type=int, help="threads (torch's choice if not given)")
@@ -104,9 +104,8 @@ class Training:
             self.optimiser.load_state_dict(checkpoint.optimiser)
             self.step, self.seconds = checkpoint.step, checkpoint.seconds
         elif self.args.initial:
-            checkpoint = Checkpoint.load(self.args.initial)
-            self.denoiser.load_state_dict(checkpoint.average)
-            self.average.load_state_dict(checkpoint.average)
+            self.denoiser.start_from(Checkpoint.load(self.args.initial).denoiser())
+            self.average.load_state_dict(self.denoiser.state_dict())
         if self.rank == 0:
             for name in ("training.csv", "validation.csv"):
                 log.truncate(self.args.output / name, self.step)

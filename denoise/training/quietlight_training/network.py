@@ -49,6 +49,7 @@ class PyramidNetwork(nn.Module):
 
     def __init__(self, widths: tuple[int, int, int, int]):
         super().__init__()
+        self.widths = widths
         w0, w1, w2, w3 = widths
         self.encoder = nn.ModuleList(
             (_Block(4 * len(PYRAMID_CHANNELS), w0), _Block(w0, w1), _Block(w1, w2), _Block(w2, w3))
@@ -73,6 +74,32 @@ class PyramidNetwork(nn.Module):
             self.heads[1].bias.copy_(bias)
             self.heads[2].bias.copy_(bias)
             self.heads[3].bias.copy_(bias[:FINE_TAPS])
+
+    def widen(self, narrow: "PyramidNetwork"):
+        """Starts from a narrower network, and computes what it does: the first channels take its weights; the others
+        stay random, and the first do not listen to them before training tells them to. Raises `ValueError` where the
+        other is wider somewhere.
+        """
+        if any(mine < theirs for mine, theirs in zip(self.widths, narrow.widths, strict=True)):
+            raise ValueError(f"a network of {narrow.widths} channels cannot be widened to {self.widths}")
+        with torch.no_grad():
+            for (wide, groups), (other, other_groups) in zip(self._layers(), narrow._layers(), strict=True):
+                outputs = other.out_channels
+                wide.bias[:outputs] = other.bias
+                wide.weight[:outputs] = 0
+                to = of = 0
+                for group, other_group in zip(groups, other_groups, strict=True):
+                    wide.weight[:outputs, to : to + other_group] = other.weight[:, of : of + other_group]
+                    to, of = to + group, of + other_group
+
+    def _layers(self) -> list[tuple[nn.Conv2d, tuple[int, ...]]]:
+        """All convolutions, and the groups of channels that each one's input was put together from."""
+        w0, w1, w2, w3 = self.widths
+        inputs = ((4 * len(PYRAMID_CHANNELS),), (w0,), (w1,), (w2,), (w3, w2), (w2, w1), (w1, w0))
+        layers = []
+        for (first, _, second, _), groups in zip((*self.encoder, *self.decoder), inputs, strict=True):
+            layers += [(first, groups), (second, (second.in_channels,))]
+        return layers + [(head, (head.in_channels,)) for head in self.heads]
 
     def forward(self, channels: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         features = channels

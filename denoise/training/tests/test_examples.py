@@ -94,16 +94,17 @@ def test_a_scene_without_specular_light_has_zeros(dataset, tmp_path):
 
 
 def test_preprocessing_takes_up_what_is_new_and_leaves_out_what_is_broken(tmp_path, capsys):
-    data, output = tmp_path / "data", tmp_path / "out"
+    data, more, output = tmp_path / "data", tmp_path / "more", tmp_path / "out"
     write_view(data, "a", "train", size=40)
 
-    def run() -> str:
-        assert preprocess.main([str(data), str(output), "--patch-size", "32", "--processes", "1"]) == 0
+    def run(*datasets: Path) -> str:
+        folders = [str(folder) for folder in (data, *datasets)]
+        assert preprocess.main([*folders, str(output), "--patch-size", "32", "--processes", "1"]) == 0
         captured = capsys.readouterr()
         return captured.out + captured.err
 
     assert "1 examples, 0 of them for validation; 0 views left out" in run()
-    before = (output / "a.radiance.npy").stat().st_mtime_ns
+    before = (output / "data-a.radiance.npy").stat().st_mtime_ns
     write_view(data, "b", "validation", size=40)
     write_view(data, "x", "train", size=40)
     broken = np.full((3, 40, 40), np.nan)
@@ -111,8 +112,12 @@ def test_preprocessing_takes_up_what_is_new_and_leaves_out_what_is_broken(tmp_pa
     text = run()
     assert "2 examples, 1 of them for validation; 1 views left out" in text
     assert "noisy-0.exr: noisy has values that are not finite" in text
-    assert (output / "a.radiance.npy").stat().st_mtime_ns == before
-    assert [example.id for example in examples.read_index(output, "validation")] == ["b"]
+    assert (output / "data-a.radiance.npy").stat().st_mtime_ns == before
+    assert [example.id for example in examples.read_index(output, "validation")] == ["data-b"]
+    # Another data set may have views of the same names.
+    write_view(more, "a", "validation", size=40)
+    assert "3 examples, 2 of them for validation; 1 views left out" in run(more)
+    assert [example.id for example in examples.read_index(output, "validation")] == ["data-b", "more-a"]
     assert not list(output.glob("*.tmp"))
 
 

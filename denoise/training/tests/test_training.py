@@ -19,6 +19,7 @@ from quietlight_training.denoiser import Denoiser
 from quietlight_training.kpcn_train import Training, scheduled
 from quietlight_training.verbs import run_verb
 from quietlight_training.views import read_views
+from tests.conftest import random_buffers
 
 CONFIGS = Path(train.__file__).parent / "configs"
 PYRAMID = NetworkConfig("kernel_pyramid", widths=(4, 4, 4, 4))
@@ -131,6 +132,26 @@ def test_one_patch_is_overfitted_and_fine_tuning_does_not_undo_it(data, network)
     assert min(values[-10:]) < 0.25 * values[0], values[::10]
     start, *_, end = fit(denoiser, batch, joint, 10, 1e-5)
     assert end <= start
+
+
+def test_a_widened_network_starts_as_the_narrow_one_and_learns_with_all_channels():
+    narrow = Denoiser(replace(PYRAMID, widths=(4, 5, 6, 7)))
+    wide = Denoiser(replace(PYRAMID, widths=(6, 9, 7, 12)))
+    wide.start_from(narrow)
+    buffers, scale = random_buffers(40, 24), torch.ones(1, 1, 1, 1)
+    expected = narrow(buffers, scale).radiance.detach()
+    assert torch.allclose(wide(buffers, scale).radiance, expected, atol=1e-6)
+    before = {name: weight.detach().clone() for name, weight in wide.named_parameters()}
+    optimiser = torch.optim.SGD(wide.parameters(), lr=0.1)
+    for _ in range(2):
+        optimiser.zero_grad()
+        wide(buffers, scale).radiance.square().mean().backward()
+        optimiser.step()
+    assert all(not torch.equal(weight, before[name]) for name, weight in wide.named_parameters())
+    with pytest.raises(ValueError, match="cannot be widened"):
+        narrow.start_from(wide)
+    with pytest.raises(ValueError, match="cannot become"):
+        narrow.start_from(Denoiser(KERNEL))
 
 
 def test_adam_takes_the_steps_computed_by_hand():
