@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::Path;
 
-use quietlight_denoise::kpcn::Denoiser;
-use quietlight_denoise::{Image, Layer, LayerKind, Layers};
+use quietlight_denoise::kpcn::{Denoiser, LAYERS};
+use quietlight_denoise::{Image, Layer, Layers};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -46,14 +46,7 @@ fn noise(width: usize, height: usize) -> Layers {
         (state >> 8) as f32 / 16_777_216.0
     };
     let mut layers = BTreeMap::new();
-    for kind in [
-        LayerKind::Beauty,
-        LayerKind::Diffuse,
-        LayerKind::Specular,
-        LayerKind::Albedo,
-        LayerKind::Normal,
-        LayerKind::Depth,
-    ] {
+    for kind in LAYERS {
         let shape = (kind.components().len(), height, width);
         let mean = Image::from_shape_simple_fn(shape, &mut random);
         let variance = Some(Image::from_elem(shape, 1.0 / 12.0));

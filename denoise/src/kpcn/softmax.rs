@@ -6,8 +6,8 @@
 use crate::exp::exp_negative;
 use crate::simd::{Kernel, vectorise};
 
-/// Pixels computed side by side: two vectors of AVX-512. The loops over them have a fixed length and vectorise.
-pub(super) const BLOCK: usize = 32;
+/// Pixels computed side by side: a vector of AVX-512. The loops over them have a fixed length and vectorise.
+pub(super) const BLOCK: usize = 16;
 
 /// A number for each pixel of a block.
 type Row = [f32; BLOCK];
@@ -47,28 +47,29 @@ impl<const C: usize> Kernel for Combine<'_, C> {
     #[inline(always)]
     fn run(self) {
         let Self { taps, width, out } = self;
+        let mut logits = vec![[0.0; BLOCK]; taps.len()];
         for x in (0..width).step_by(BLOCK) {
+            // Logits of the taps lie far apart: they are fetched once.
             let mut largest = [f32::NEG_INFINITY; BLOCK];
-            for tap in taps {
-                let logits = tap.logits(x);
-                for (largest, logit) in largest.iter_mut().zip(logits) {
-                    *largest = if logit > *largest { logit } else { *largest };
-                }
+            for (tap, logits) in taps.iter().zip(&mut logits) {
+                *logits = tap.logits(x);
+                largest = each(
+                    largest,
+                    *logits,
+                    |largest, logit| {
+                        if logit > largest { logit } else { largest }
+                    },
+                );
             }
             let mut sum = [0.0; BLOCK];
             let mut values = [[0.0; BLOCK]; C];
-            for tap in taps {
-                let logits = tap.logits(x);
-                let mut weights = [0.0; BLOCK];
-                for ((weight, logit), largest) in weights.iter_mut().zip(logits).zip(&largest) {
-                    *weight = exp_negative(largest - logit);
-                }
-                sum.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight);
-                for (total, values) in values.iter_mut().zip(tap.values) {
-                    let values = block(values, x);
-                    for ((total, weight), value) in total.iter_mut().zip(&weights).zip(values) {
-                        *total += weight * value;
-                    }
+            for (tap, logits) in taps.iter().zip(&logits) {
+                let weights =
+                    each(largest, *logits, |largest, logit| exp_negative(largest - logit));
+                sum = each(sum, weights, |sum, weight| sum + weight);
+                for (total, seen) in values.iter_mut().zip(tap.values) {
+                    let products = each(weights, *block(seen, x), |weight, value| weight * value);
+                    *total = each(*total, products, |total, product| total + product);
                 }
             }
             let pixels = x..(x + BLOCK).min(width);
@@ -86,16 +87,24 @@ impl<const C: usize> Tap<'_, C> {
     /// Logits of a block, those outside the picture −∞.
     #[inline(always)]
     fn logits(&self, x: usize) -> Row {
-        let mut row = [0.0; BLOCK];
         let rest = &self.logits[x..];
-        if let Some(whole) = rest.first_chunk::<BLOCK>() {
-            row = *whole;
-        } else {
+        let logits = rest.first_chunk().copied().unwrap_or_else(|| {
+            let mut row = [0.0; BLOCK];
             row[..rest.len()].copy_from_slice(rest);
-        }
-        row.iter_mut().zip(block(self.barrier, x)).for_each(|(logit, barrier)| *logit += barrier);
-        row
+            row
+        });
+        each(logits, *block(self.barrier, x), |logit, barrier| logit + barrier)
     }
+}
+
+/// Combines the numbers of two blocks, one by one.
+#[inline(always)]
+fn each(a: Row, b: Row, combine: impl Fn(f32, f32) -> f32) -> Row {
+    let mut result = a;
+    for (result, b) in result.iter_mut().zip(b) {
+        *result = combine(*result, b);
+    }
+    result
 }
 
 /// The block of a row from column `x`.

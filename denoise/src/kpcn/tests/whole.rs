@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::{Random, fixtures, whole};
 use crate::kpcn::buffers::Buffers;
 use crate::kpcn::tile::{Grid, Tile};
-use crate::kpcn::{Branch, Denoiser, Model, Network, kernel, pyramid, reconstruct};
+use crate::kpcn::{Branch, Denoiser, LAYERS, Model, Network, kernel, pyramid, reconstruct};
 use crate::layers::{Image, Layer, LayerKind, Layers};
 use crate::metrics::relative_l2;
 
@@ -41,14 +41,7 @@ fn unmixed(layers: &Layers, tier: &str, tiles: &[Tile]) -> Image {
 fn random_layers(width: usize, height: usize, seed: u64) -> Layers {
     let mut random = Random(seed);
     let mut layers = Layers { width, height, ..Default::default() };
-    for kind in [
-        LayerKind::Beauty,
-        LayerKind::Diffuse,
-        LayerKind::Specular,
-        LayerKind::Albedo,
-        LayerKind::Normal,
-        LayerKind::Depth,
-    ] {
+    for kind in LAYERS {
         let shape = (kind.components().len(), height, width);
         let mean = Image::from_shape_simple_fn(shape, || random.uniform());
         let variance = Image::from_shape_simple_fn(shape, || 0.01 * random.uniform());
