@@ -147,6 +147,7 @@ fn details(
     };
     details.push(("denoiser.mixture", mixture));
     details.push(("denoiser.tiles", report.tiles.to_string()));
+    details.push(("denoiser.orientations", report.orientations.to_string()));
     details.push(("denoiser.network_seconds", format!("{:.3}", report.network_time.as_secs_f64())));
     details.push(("denoiser.seconds", format!("{:.3}", report.time.as_secs_f64())));
     details

@@ -13,7 +13,8 @@ const THUMBNAIL: usize = 128;
 /// render and, to its right, the reference. Each pair has the exposure of its reference. Returns the ids, row by row.
 ///
 /// # Errors
-/// Where a view cannot be read, or the PNG not be written; [`Format`](quietlight_denoise::Error::Format) where there is no view with pictures.
+/// Where a view cannot be read, or the PNG not be written; [`Format`](quietlight_denoise::Error::Format) where there is no
+/// view with pictures.
 pub fn write(set: &Path, most: usize, output: &Path) -> Result<Vec<String>, Error> {
     let rendered = views(set)?;
     let count = rendered.len().min(most);

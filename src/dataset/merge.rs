@@ -21,7 +21,8 @@ pub struct Merged {
 ///
 /// # Errors
 /// [`folder::Error::Settings`] where two sets have different settings, [`Error::Conflict`] where they hold different renders of
-/// one view, both before anything is copied; [`Format`](quietlight_denoise::Error::Format) where a copied file has not the hash that its view says.
+/// one view, both before anything is copied; [`Format`](quietlight_denoise::Error::Format) where a copied file has not the
+/// hash that its view says.
 pub fn merge(output: &Path, inputs: &[PathBuf]) -> Result<Merged, Error> {
     let mut all: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     if Manifest::path(output).exists() {

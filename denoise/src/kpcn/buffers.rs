@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use super::network::Branch;
+use super::orientation::Orientation;
 use super::transform::{demodulation, remodulation};
 use crate::error::Error;
 use crate::exposure::exposure;
@@ -42,6 +43,8 @@ pub(super) struct Buffers<'a> {
     pub(super) sanitised: Sanitised,
     /// Layers whose variance is that of the 3×3 neighbours, for want of samples to tell.
     pub(super) spatial_variance: Vec<LayerKind>,
+    /// How the picture was turned.
+    orientation: Orientation,
 }
 
 /// Mean and variance of a layer as planes, row after row.
@@ -88,6 +91,7 @@ impl<'a> Buffers<'a> {
             diffuse: LayerKind::Diffuse,
             sanitised: Sanitised::default(),
             spatial_variance: Vec::new(),
+            orientation: Orientation::default(),
         };
         for kind in LAYERS {
             buffers.take(layers, kind);
@@ -118,6 +122,46 @@ impl<'a> Buffers<'a> {
         };
         buffers.exposure = exposure(&buffers.beauty);
         Ok(buffers)
+    }
+
+    /// The same picture turned.
+    pub(super) fn turned(&self, orientation: Orientation) -> Buffers<'static> {
+        let [height, width] = orientation.size([self.height, self.width]);
+        let turn = |layer: &Layer| Layer {
+            mean: orientation.turn(&layer.mean),
+            variance: layer.variance.as_ref().map(|variance| orientation.turn(variance)),
+            halves: None,
+        };
+        let layers = self.layers.iter().map(|(kind, layer)| (*kind, Cow::Owned(turn(layer))));
+        Buffers {
+            width,
+            height,
+            // Only the picture as it is gets mixed with it.
+            beauty: Cow::Owned(Image::zeros((0, 0, 0))),
+            exposure: self.exposure,
+            layers: layers.collect(),
+            diffuse: self.diffuse,
+            sanitised: self.sanitised,
+            spatial_variance: self.spatial_variance.clone(),
+            orientation,
+        }
+    }
+
+    /// Where a pixel was before the picture was turned.
+    #[inline]
+    pub(super) fn source(&self, pixel: usize) -> usize {
+        if self.orientation == Orientation::default() {
+            return pixel;
+        }
+        let size = [self.height, self.width];
+        let [y, x] = self.orientation.source([pixel / self.width, pixel % self.width], size);
+        y * self.orientation.size(size)[1] + x
+    }
+
+    /// Where a pixel `[y, x]` of the picture before it was turned is now.
+    #[inline]
+    pub(super) fn place(&self, pixel: [usize; 2]) -> [usize; 2] {
+        self.orientation.place(pixel, [self.height, self.width])
     }
 
     /// Takes one layer over, as it is where that is good enough.

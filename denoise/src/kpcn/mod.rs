@@ -15,6 +15,7 @@ mod library;
 mod model;
 mod network;
 mod noise;
+mod orientation;
 mod picture;
 mod pyramid;
 mod softmax;
@@ -32,6 +33,7 @@ pub use kernel::apply as apply_kernel;
 pub use library::{Origin, PATH_VARIABLE};
 pub use model::{Entry, Model, Quality, entries};
 pub use network::{Branch, Kind, Network, PROVIDER, Runtime, runtime};
+use orientation::Orientation;
 use picture::{Filtered, Picture, WITH_NOISE, WITHOUT_NOISE};
 pub use pyramid::{OUTPUTS as PYRAMID_OUTPUTS, apply as apply_pyramid};
 use tile::Tile;
@@ -47,6 +49,8 @@ use crate::sanitize::Sanitised;
 pub struct Denoiser {
     /// Of the diffuse and of the specular branch.
     models: [Model; 2],
+    /// How the picture is turned: the result is the mean over all of them.
+    orientations: &'static [Orientation],
     /// Whether the result is mixed with the noisy picture where filtering harms.
     mixes: bool,
 }
@@ -64,6 +68,8 @@ pub struct Report {
     pub fractions: Option<Fractions>,
     /// Tiles that the picture was cut into.
     pub tiles: usize,
+    /// In how many orientations; the result is the mean over them.
+    pub orientations: usize,
     /// Time in the networks, of all threads together as the wall clock saw them.
     pub network_time: Duration,
     /// All of the time.
@@ -86,7 +92,11 @@ impl Denoiser {
     /// [`Error::Model`] where there are none or they are damaged.
     pub fn embedded(quality: Quality) -> Result<Self, Error> {
         let [diffuse, specular] = Branch::ALL.map(|branch| Model::embedded(quality, branch));
-        Ok(Self { models: [diffuse?, specular?], mixes: true })
+        let orientations = match quality {
+            Quality::High => &orientation::ALL[..],
+            Quality::Fast | Quality::Balanced => &orientation::ALL[..1],
+        };
+        Ok(Self { models: [diffuse?, specular?], orientations, mixes: true })
     }
 
     /// A user's own weights, of the diffuse and the specular branch in any order.
@@ -114,7 +124,8 @@ impl Denoiser {
                 specular.refused(found, &format!("{:?} as in {}", first.kind, diffuse.name))
             );
         }
-        Ok(Self { models: [diffuse, specular], mixes: true })
+        let orientations = &orientation::ALL[..1];
+        Ok(Self { models: [diffuse, specular], orientations, mixes: true })
     }
 
     /// The same networks, whose result is left as it is: to judge them by themselves.
@@ -160,8 +171,19 @@ impl Denoiser {
             Some(Kind::Kernel { .. }) => kernel::GRID,
             _ => pyramid::GRID,
         };
-        let tiles = grid.tiles(buffers.width, buffers.height);
-        let (picture, network_time) = reconstruct(&buffers, &networks, &tiles, threads, progress)?;
+        let count = self.orientations.len();
+        let cut = |buffers: &Buffers<'_>| grid.tiles(buffers.width, buffers.height);
+        let after = |done: usize| move |part: f32| progress((done as f32 + part) / count as f32);
+        let tiles = cut(&buffers);
+        let (mut picture, mut network_time) =
+            reconstruct(&buffers, &networks, &tiles, threads, &after(0))?;
+        for (done, orientation) in self.orientations.iter().enumerate().skip(1) {
+            let turned = threads.install(|| buffers.turned(*orientation));
+            let (turned, time) =
+                reconstruct(&turned, &networks, &cut(&turned), threads, &after(done))?;
+            threads.install(|| picture.average(done, &turned));
+            network_time += time;
+        }
         let (image, fractions) = threads.install(|| match self.mixes {
             true => picture.finish(),
             false => (picture.denoised(), None),
@@ -178,6 +200,7 @@ impl Denoiser {
             branches: networks.iter().map(|network| network.branch).collect(),
             fractions,
             tiles: tiles.len(),
+            orientations: count,
             network_time,
             time: start.elapsed(),
         };
@@ -198,8 +221,8 @@ fn reconstruct<'a>(
     let mut network_time = Duration::ZERO;
     let steps = (tiles.len() * networks.len()) as f32;
     let mut done = 0.0;
+    let mut input = Vec::new();
     for network in networks {
-        let mut input = Vec::new();
         for tile in tiles {
             let (filtered, time) = filter_tile(network, &picture, tile, &mut input, threads)?;
             network_time += time;

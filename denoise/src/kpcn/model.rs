@@ -19,7 +19,7 @@ pub enum Quality {
     /// At most three.
     #[default]
     Balanced,
-    /// At most twenty.
+    /// At most twenty: those of [`Balanced`](Self::Balanced), in eight orientations.
     High,
 }
 
@@ -27,12 +27,20 @@ impl Quality {
     /// All of them, the fastest first.
     pub const ALL: [Self; 3] = [Self::Fast, Self::Balanced, Self::High];
 
-    /// Its name, that of the tier of the weights.
+    /// Its name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Fast => "fast",
             Self::Balanced => "balanced",
             Self::High => "high",
+        }
+    }
+
+    /// The tier of the weights in `models.json`.
+    const fn tier(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Balanced | Self::High => "balanced",
         }
     }
 }
@@ -106,9 +114,9 @@ impl Model {
         let entries = entries()?;
         let entry = entries
             .iter()
-            .find(|entry| entry.tier == quality.name() && entry.branch == branch.name())
+            .find(|entry| entry.tier == quality.tier() && entry.branch == branch.name())
             .ok_or_else(|| Error::Model {
-                name: format!("{} {}", quality.name(), branch.name()),
+                name: format!("{} {}", quality.tier(), branch.name()),
                 found: "no weights of that name in this program".into(),
                 expected: "an entry in models/models.json when it was built".into(),
             })?;

@@ -10,6 +10,7 @@ use crate::layers::LayerKind;
 
 /// Draws the noise of the two branches in each pixel.
 pub(super) struct Noise<'a> {
+    buffers: &'a Buffers<'a>,
     /// Beauty, diffuse and specular light, where all are there.
     split: Option<[Planes<'a>; 3]>,
 }
@@ -19,14 +20,14 @@ impl<'a> Noise<'a> {
         let beauty = buffers.planes(LayerKind::Beauty);
         let light = |branch| buffers.light(branch);
         let both = light(Branch::Diffuse).zip(light(Branch::Specular));
-        Self { split: beauty.zip(both).map(|(beauty, (d, s))| [beauty, d, s]) }
+        Self { buffers, split: beauty.zip(both).map(|(beauty, (d, s))| [beauty, d, s]) }
     }
 
     /// Signs of the noise of the diffuse and of the specular branch in a pixel, the same for all channels, by the index
-    /// of the pixel and nothing else. They agree as often as the correlation of the two says,
+    /// that the pixel has before any turning and nothing else. They agree as often as the correlation of the two says,
     /// `ρ = Σ (σ²_beauty − σ²_d − σ²_s) / (2 Σ σ_d σ_s)`, so that their sum has the variance of the beauty layer.
     pub(super) fn signs(&self, pixel: usize) -> [f32; 2] {
-        let random = mix(pixel as u64);
+        let random = mix(self.buffers.source(pixel) as u64);
         let sign = |is_negative: bool| if is_negative { -1.0 } else { 1.0 };
         let diffuse = sign(random & 1 == 1);
         let uniform = (random >> 40) as f32 / (1_u32 << 24) as f32;

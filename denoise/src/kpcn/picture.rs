@@ -111,6 +111,25 @@ impl<'a> Picture<'a> {
         });
     }
 
+    /// Makes this, so far the mean of `count` pictures, the mean of them and of the same picture denoised in another
+    /// orientation.
+    pub(super) fn average(&mut self, count: usize, turned: &Picture<'_>) {
+        let (channels, width, turned_width) =
+            (self.channels(), self.buffers.width, turned.buffers.width);
+        let part = (count as f32 + 1.0).recip();
+        self.values.par_chunks_mut(channels * width).enumerate().for_each(|(y, row)| {
+            for x in 0..width {
+                let [turned_y, turned_x] = turned.buffers.place([y, x]);
+                let other = &turned.values[turned_y * channels * turned_width + turned_x..];
+                let other = other.iter().step_by(turned_width);
+                // As many as there are channels.
+                for (mean, other) in row[x..].iter_mut().step_by(width).zip(other) {
+                    *mean += (other - *mean) * part;
+                }
+            }
+        });
+    }
+
     /// The picture when all is added, before any mixing; `[3, height, width]`.
     pub(super) fn denoised(&self) -> Image {
         let (width, height, channels) = (self.buffers.width, self.buffers.height, self.channels());
@@ -126,18 +145,19 @@ impl<'a> Picture<'a> {
     /// The picture when all is added, mixed with the noisy one where filtering harms.
     pub(super) fn finish(self) -> (Image, Option<Fractions>) {
         let mut image = self.denoised();
-        let Some(noise) = &self.noise else { return (image, None) };
+        let Some(known) = &self.noise else { return (image, None) };
         let (width, height) = (self.buffers.width, self.buffers.height);
         let parts: Vec<_> = Branch::ALL
             .into_iter()
-            .filter_map(|b| Part::new(self.buffers, Some(noise), b, Kind::KernelPyramid))
+            .filter_map(|b| Part::new(self.buffers, Some(known), b, Kind::KernelPyramid))
             .collect();
         let parts = denoised_parts(width, height, |pixel| {
             let row = &self.values[pixel / width * WITH_NOISE * width..][..WITH_NOISE * width];
             let number = |channel: usize| row[channel * width + pixel % width];
             let [mut light, mut noise] = Light::default();
+            let signs = known.signs(pixel);
             for part in &parts {
-                let [more_light, more_noise] = part.light(pixel);
+                let [more_light, more_noise] = part.light_of(pixel, signs);
                 for channel in 0..3 {
                     light[channel] += more_light[channel];
                     noise[channel] += more_noise[channel];
@@ -195,7 +215,13 @@ impl<'a> Part<'a> {
     /// Radiance and noise of a pixel.
     #[inline]
     fn light(&self, pixel: usize) -> Light {
-        let sign = self.noise.map_or(0.0, |noise| noise.signs(pixel)[self.branch as usize]);
+        self.light_of(pixel, self.noise.map_or([0.0; 2], |noise| noise.signs(pixel)))
+    }
+
+    /// The same where the signs of the noise are known.
+    #[inline]
+    fn light_of(&self, pixel: usize, signs: [f32; 2]) -> Light {
+        let sign = signs[self.branch as usize];
         [
             std::array::from_fn(|channel| self.light.mean(channel)[pixel]),
             std::array::from_fn(|channel| sign * self.light.variance(channel)[pixel].sqrt()),

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::whole::{files, pool};
 use crate::error::Error;
-use crate::kpcn::{Branch, Denoiser, Kind, Model, Network};
+use crate::kpcn::{Branch, Denoiser, Kind, Model, Network, orientation};
 
 fn model(bytes: Vec<u8>) -> Model {
     Model::new("test.onnx".into(), Cow::Owned(bytes))
@@ -88,7 +88,8 @@ fn a_pair_is_one_of_each_branch_and_of_one_kind() {
 #[test]
 fn models_in_each_others_place_are_refused() {
     let [diffuse, specular] = files("unit").map(|path| Model::read(&path).unwrap());
-    let denoiser = Denoiser { models: [specular, diffuse], mixes: true };
+    let denoiser =
+        Denoiser { models: [specular, diffuse], orientations: &orientation::ALL[..1], mixes: true };
     let layers = super::fixtures::layers();
     let error = denoiser.denoise(&layers, &pool(1), &|_| ()).unwrap_err().to_string();
     assert!(error.contains("the branch 'specular'"), "{error}");

@@ -7,8 +7,11 @@ use serde_json::Value;
 
 use super::{Random, fixtures, whole};
 use crate::kpcn::buffers::Buffers;
+use crate::kpcn::noise::Noise;
 use crate::kpcn::tile::{Grid, Tile};
-use crate::kpcn::{Branch, Denoiser, LAYERS, Model, Network, kernel, pyramid, reconstruct};
+use crate::kpcn::{
+    Branch, Denoiser, LAYERS, Model, Network, kernel, orientation, pyramid, reconstruct,
+};
 use crate::layers::{Image, Layer, LayerKind, Layers};
 use crate::metrics::relative_l2;
 
@@ -82,6 +85,50 @@ fn tiles_and_the_whole_are_the_same() {
                 (cut - uncut).abs() <= 1e-5 * uncut.abs().max(1.0),
                 "{tier} {index:?}: {cut} {uncut}"
             );
+        }
+    }
+}
+
+#[test]
+fn the_result_is_the_mean_over_the_orientations() {
+    let layers = random_layers(35, 18, 9);
+    let once = denoiser("unit").without_mixing();
+    let often = Denoiser { orientations: &orientation::ALL, ..once.clone() };
+    let run = |denoiser: &Denoiser, layers: &Layers| {
+        denoiser.denoise(layers, &pool(2), &|_| ()).unwrap().image
+    };
+    let mut expected = Image::zeros((3, 18, 35));
+    for orientation in orientation::ALL {
+        let mut turned = layers.clone();
+        [turned.height, turned.width] = orientation.size([18, 35]);
+        for layer in turned.layers.values_mut() {
+            layer.mean = orientation.turn(&layer.mean);
+            layer.variance = layer.variance.as_ref().map(|variance| orientation.turn(variance));
+        }
+        let image = run(&once, &turned);
+        for ((channel, y, x), sum) in expected.indexed_iter_mut() {
+            let [y, x] = orientation.place([y, x], [turned.height, turned.width]);
+            *sum += image[(channel, y, x)] / 8.0;
+        }
+    }
+    let found = run(&often, &layers);
+    for ((index, found), expected) in found.indexed_iter().zip(&expected) {
+        assert!((found - expected).abs() <= 1e-5, "{index:?}: {found} {expected}");
+    }
+    assert_ne!(found, run(&once, &layers));
+}
+
+#[test]
+fn noise_keeps_its_signs_when_the_picture_is_turned() {
+    let layers = random_layers(7, 5, 11);
+    let buffers = Buffers::new(&layers).unwrap();
+    for orientation in orientation::ALL {
+        let turned = buffers.turned(orientation);
+        let [noise, turned_noise] = [&buffers, &turned].map(Noise::new);
+        for (y, x) in (0..5).flat_map(|y| (0..7).map(move |x| (y, x))) {
+            let [turned_y, turned_x] = turned.place([y, x]);
+            let place = turned_y * turned.width + turned_x;
+            assert_eq!(turned_noise.signs(place), noise.signs(y * 7 + x), "{orientation:?}");
         }
     }
 }
