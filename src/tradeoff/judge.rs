@@ -73,7 +73,9 @@ impl Scene<'_> {
                 .map(|&target| if target < noise { None } else { curve.reach(target) })
                 .collect(),
         };
-        let denoiser = default_denoiser(&points);
+        let denoisers: Vec<Filter> =
+            points.iter().map(|point| point.combination.denoiser).collect();
+        let denoiser = default_denoiser(&denoisers);
         let pixels = f64::from(self.size[0]) * f64::from(self.size[1]);
         let auto = |seconds: f64| {
             let effort = Some(Effort::Seconds(seconds * threads as f64 / pixels));
@@ -186,13 +188,15 @@ fn curves(points: &[Point], noise: f64) -> BTreeMap<Combination, Curve> {
     places.into_iter().map(|(combination, all)| (combination, Curve::new(all, floor))).collect()
 }
 
-/// What `render` takes by default of what was measured.
-fn default_denoiser(points: &[Point]) -> Filter {
-    let is_there = |filter| points.iter().any(|point| point.combination.denoiser == filter);
-    [Filter::KpcnBalanced, Filter::Bilateral]
-        .into_iter()
-        .find(|&filter| is_there(filter))
-        .unwrap_or(Filter::None)
+/// What `render` takes by default of what was measured; where only others were, what it would have taken. None where nothing
+/// was denoised.
+fn default_denoiser(measured: &[Filter]) -> Filter {
+    let defaults = [Filter::KpcnBalanced, Filter::Bilateral];
+    match defaults.into_iter().find(|one| measured.contains(one)) {
+        Some(one) => one,
+        None if measured.iter().all(|&one| one == Filter::None) => Filter::None,
+        None => defaults[0],
+    }
 }
 
 /// Round errors, 1 and 3 times powers of ten, within what was measured: at most six, the largest first.
@@ -204,4 +208,21 @@ fn targets(points: &[Point]) -> Vec<f64> {
     // The hard ones tell the methods apart.
     targets.drain(..targets.len().saturating_sub(6));
     targets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_denoiser_is_that_of_render_where_it_or_only_others_were_measured() {
+        for (measured, expected) in [
+            (&[Filter::None, Filter::Bilateral, Filter::KpcnBalanced][..], Filter::KpcnBalanced),
+            (&[Filter::KpcnFast, Filter::Bilateral], Filter::Bilateral),
+            (&[Filter::None, Filter::KpcnFast], Filter::KpcnBalanced),
+            (&[Filter::None], Filter::None),
+        ] {
+            assert_eq!(default_denoiser(measured), expected, "{measured:?}");
+        }
+    }
 }

@@ -40,7 +40,7 @@ pub enum Standing {
     Right,
     /// The seeds tell that it is worse.
     Wrong,
-    /// It seems worse, but the seeds do not tell.
+    /// It seems worse, but the seeds do not tell; or it was not measured.
     #[default]
     Open,
 }
@@ -71,7 +71,7 @@ pub struct Choice {
     pub is_clear: bool,
     /// What `auto` takes.
     pub auto: Combination,
-    /// The error that it leaves; `None` where it has no picture yet.
+    /// The error that it leaves; `None` where it has no picture yet, or was not measured.
     pub auto_error: Option<f64>,
     /// How that compares.
     pub standing: Standing,
@@ -101,7 +101,7 @@ impl Verdict {
         Self {
             headline: headline(&choices),
             reasons: judge.reasons(last, reference),
-            auto: of_auto(&choices, last),
+            auto: judge.of_auto(&choices, last),
             standing: last.standing,
             choices,
         }
@@ -156,41 +156,6 @@ fn headline(choices: &[Choice]) -> String {
     format!("{}.", told.join("; "))
 }
 
-/// What `auto` takes, and whether that is right.
-fn of_auto(choices: &[Choice], last: &Choice) -> String {
-    let (auto, time) = (last.auto, seconds(last.seconds));
-    let errors = |error: f64| {
-        format!("({} against {} by {})", relative_l2(error), relative_l2(last.error), last.best)
-    };
-    let facts = match last.auto_error {
-        None => format!("which has no picture after {time}"),
-        Some(_) if last.best == auto => format!("which is the best after {time}"),
-        Some(error) if last.standing == Standing::Right => {
-            format!("which is as good as the best after {time} {}", errors(error))
-        }
-        Some(error) => format!(
-            "which after {time} leaves {} times as much as the best {}",
-            factor(error / last.error),
-            errors(error)
-        ),
-    };
-    let verdict = match last.standing {
-        Standing::Right => "right",
-        Standing::Wrong => "not the best choice here",
-        Standing::Open => "perhaps not the best choice: it takes more seeds to tell",
-    };
-    let good = choices.iter().filter(|choice| choice.take == choice.auto).count();
-    let all = match choices.len() {
-        1 => String::new(),
-        count => format!(" (as good as the best at {good} of {count} budgets)"),
-    };
-    let before = match choices.iter().rev().find(|choice| choice.auto != auto) {
-        Some(other) => format!("{} up to {} and then ", other.auto, seconds(other.seconds)),
-        None => String::new(),
-    };
-    format!("“auto” takes {before}{auto}, {facts}: {verdict}{all}.")
-}
-
 impl Judge<'_> {
     fn choose(&self, seconds: f64) -> Option<Choice> {
         let mut ranked: Vec<(Combination, f64)> = self
@@ -213,10 +178,62 @@ impl Judge<'_> {
             }
             Some(of_auto) if of_auto < OPEN * error => Standing::Right,
             Some(_) => Standing::Open,
-            None => Standing::Wrong,
+            None if self.is_measured(auto) => Standing::Wrong,
+            None => Standing::Open,
         };
         let take = if standing == Standing::Right { auto } else { best };
         Some(Choice { seconds, best, error, rival, is_clear, auto, auto_error, standing, take })
+    }
+
+    /// What `auto` takes, and whether that is right.
+    fn of_auto(&self, choices: &[Choice], last: &Choice) -> String {
+        let (auto, time) = (last.auto, seconds(last.seconds));
+        let is_measured = self.is_measured(auto);
+        let errors = |error: f64| {
+            format!("({} against {} by {})", relative_l2(error), relative_l2(last.error), last.best)
+        };
+        let facts = match last.auto_error {
+            None if !is_measured => "which was not measured".to_owned(),
+            None => format!("which has no picture after {time}"),
+            Some(_) if last.best == auto => format!("which is the best after {time}"),
+            Some(error) if last.standing == Standing::Right => {
+                format!("which is as good as the best after {time} {}", errors(error))
+            }
+            Some(error) => format!(
+                "which after {time} leaves {} times as much as the best {}",
+                factor(error / last.error),
+                errors(error)
+            ),
+        };
+        let verdict = match last.standing {
+            Standing::Right => "right",
+            Standing::Wrong => "not the best choice here",
+            Standing::Open if !is_measured => "nothing tells whether that is right",
+            Standing::Open => "perhaps not the best choice: it takes more seeds to tell",
+        };
+        let good = choices.iter().filter(|choice| choice.take == choice.auto).count();
+        let unmeasured = choices.iter().filter(|choice| !self.is_measured(choice.auto)).count();
+        let all = match choices.len() {
+            1 => String::new(),
+            count if unmeasured == count => String::new(),
+            count => {
+                let but = match unmeasured {
+                    0 => String::new(),
+                    some => format!(", not measured at {some}"),
+                };
+                format!(" (as good as the best at {good} of {count} budgets{but})")
+            }
+        };
+        let before = match choices.iter().rev().find(|choice| choice.auto != auto) {
+            Some(other) => format!("{} up to {} and then ", other.auto, seconds(other.seconds)),
+            None => String::new(),
+        };
+        format!("“auto” takes {before}{auto}, {facts}: {verdict}{all}.")
+    }
+
+    /// Was a combination measured at all?
+    fn is_measured(&self, combination: Combination) -> bool {
+        self.curves.contains_key(&combination)
     }
 
     /// Do the seeds tell the errors of two combinations apart at a time? By the last measurements until then.

@@ -176,11 +176,14 @@ for (const section of document.querySelectorAll("section.scene")) {
     trade: section.querySelector('[data-plot="trade"]'), splitPlot: section.querySelector('[data-plot="split"]'),
     split: section.querySelector("[data-split]"),
   };
-  // All lines at once are too many to read: the noisy ones and those of the usual denoiser first.
-  const first = view.denoisers.filter((name) => name === "none" || name === scene.auto.denoiser);
+  const take = scene.take || scene.auto;
+  // All lines at once are too many to read: the noisy ones and those of the usual denoiser first, of the best where that
+  // was not measured.
+  const usual = view.denoisers.includes(scene.auto.denoiser) ? scene.auto.denoiser : take.denoiser;
+  const first = view.denoisers.filter((name) => name === "none" || name === usual);
   view.shown = { integrator: new Set(view.integrators), denoiser: new Set(first) };
   for (const name of view.integrators) view.split.append(new Option(name, name));
-  view.split.value = (scene.take || scene.auto).integrator;
+  view.split.value = take.integrator;
   const trade = () => drawTrade(scene, view);
   const split = () => drawSplit(scene, view);
   chips(view, "integrator", view.integrators, trade);

@@ -36,12 +36,16 @@ fn verdict(auto: impl Fn(f64) -> Combination, spread: f64) -> Verdict {
             points.push(point(ERPT, time, 0.5 / time, spread / time));
         }
     }
-    let mut curves: BTreeMap<Combination, Curve> = BTreeMap::new();
-    for one in [PATH, ERPT] {
-        let of = points.iter().filter(|point| point.combination == one);
-        let place = |point: &Point| Place { seconds: point.seconds.mean, error: point.error.mean };
-        curves.insert(one, Curve::new(of.map(place).collect(), 1e-9));
+    verdict_of(&points, auto)
+}
+
+fn verdict_of(points: &[Point], auto: impl Fn(f64) -> Combination) -> Verdict {
+    let mut places: BTreeMap<Combination, Vec<Place>> = BTreeMap::new();
+    for point in points {
+        let place = Place { seconds: point.seconds.mean, error: point.error.mean };
+        places.entry(point.combination).or_default().push(place);
     }
+    let curves = places.into_iter().map(|(one, all)| (one, Curve::new(all, 1e-9))).collect();
     let reference = ReferenceScores {
         integrator: "path".into(),
         reason: "walks find it".into(),
@@ -49,7 +53,7 @@ fn verdict(auto: impl Fn(f64) -> Combination, spread: f64) -> Verdict {
         seconds: 1.0,
         noise: 1e-9,
     };
-    Verdict::of(&curves, &points, &auto, &reference)
+    Verdict::of(&curves, points, &auto, &reference)
 }
 
 #[test]
@@ -96,5 +100,71 @@ fn auto_may_change_with_the_budget() {
         verdict.auto,
         "“auto” takes path, not denoised up to 0.5 s and then erpt, not denoised, which is the best after 10 s: right \
          (as good as the best at 5 of 5 budgets)."
+    );
+}
+
+#[test]
+fn what_was_not_measured_is_not_judged() {
+    let other_denoiser = Combination { denoiser: Filter::KpcnBalanced, ..PATH };
+    let other_integrator = Combination { integrator: Method::Bdpt, ..PATH };
+    for (auto, name) in
+        [(other_denoiser, "path + kpcn-balanced"), (other_integrator, "bdpt, not denoised")]
+    {
+        let verdict = verdict(|_| auto, 0.01);
+        assert_eq!(
+            verdict.auto,
+            format!(
+                "“auto” takes {name}, which was not measured: nothing tells whether that is right."
+            )
+        );
+        assert_eq!(verdict.standing, Standing::Open);
+        assert_eq!(
+            verdict.headline,
+            "Up to 0.5 s, take path, not denoised; beyond that, erpt, not denoised."
+        );
+        let budgets: Vec<f64> = verdict.choices.iter().map(|choice| choice.seconds).collect();
+        assert_eq!(budgets, [0.1, 0.5, 1.0, 5.0, 10.0]);
+        for choice in &verdict.choices {
+            assert!(choice.standing == Standing::Open && choice.take == choice.best, "{choice:?}");
+        }
+    }
+}
+
+#[test]
+fn budgets_where_auto_was_not_measured_are_told_from_those_where_it_is_not_the_best() {
+    let other = Combination { integrator: Method::Bdpt, ..PATH };
+    // The best up to half a second, not measured beyond.
+    let after = verdict(|seconds| if seconds < 0.7 { PATH } else { other }, 0.01);
+    assert_eq!(
+        after.auto,
+        "“auto” takes path, not denoised up to 0.5 s and then bdpt, not denoised, which was not measured: nothing tells \
+         whether that is right (as good as the best at 2 of 5 budgets, not measured at 3)."
+    );
+    let before = verdict(|seconds| if seconds < 0.7 { other } else { ERPT }, 0.01);
+    assert_eq!(before.standing, Standing::Right);
+    assert!(
+        before
+            .auto
+            .ends_with(": right (as good as the best at 3 of 5 budgets, not measured at 2)."),
+        "{}",
+        before.auto
+    );
+}
+
+#[test]
+fn auto_is_wrong_where_its_measurements_begin_later() {
+    let bilateral = Combination { denoiser: Filter::Bilateral, ..PATH };
+    let mut points = vec![point(ERPT, 5.0, 0.1, 0.01), point(ERPT, 10.0, 0.05, 0.005)];
+    for one in [PATH, bilateral] {
+        points.extend([0.1, 1.0].map(|time| point(one, time, 1.0 / time, 0.01 / time)));
+    }
+    let verdict = verdict_of(&points, |_| ERPT);
+    assert_eq!(verdict.standing, Standing::Wrong);
+    assert!(
+        verdict.auto.starts_with(
+            "“auto” takes erpt, not denoised, which has no picture after 1 s: not the best choice here"
+        ),
+        "{}",
+        verdict.auto
     );
 }
