@@ -106,18 +106,21 @@ pub fn denoised_parts(
 ) -> Vec<f32> {
     let mut parts = vec![1.0_f32; width * height];
     for _ in 0..ROUNDS {
-        let [mut harm, mut change, mut chance] = [(); 3].map(|()| vec![0.0; width * height]);
+        // Doubles would be twice the memory to pass through; what overflows a single is not known.
+        let [mut harm, mut change, mut chance] = [(); 3].map(|()| vec![0_f32; width * height]);
         let rows = harm.par_chunks_mut(width).zip(change.par_chunks_mut(width));
         let rows = rows.zip(chance.par_chunks_mut(width)).enumerate();
         rows.for_each(|(y, ((harm, change), chance))| {
             for x in 0..width {
                 let index = y * width + x;
-                [harm[x], change[x], chance[x]] = pixel(index).terms(parts[index]);
+                [harm[x], change[x], chance[x]] =
+                    pixel(index).terms(parts[index]).map(|term| term as f32);
             }
         });
         let [harm, change, chance] = [harm, change, chance].map(|plane| tent(&plane, width));
         parts.par_iter_mut().enumerate().for_each(|(pixel, part)| {
-            *part = denoised_part(harm[pixel], change[pixel], chance[pixel]) as f32;
+            let sums = [&harm, &change, &chance].map(|plane| f64::from(plane[pixel]));
+            *part = denoised_part(sums) as f32;
         });
         if parts.par_iter().all(|&part| part > NEARLY_ALL) {
             break;
@@ -142,7 +145,7 @@ pub fn mix(noisy: &Image, denoised: &mut Image, parts: &[f32]) -> Fractions {
 }
 
 /// The part `w` of the denoised image, from the sums over a window.
-fn denoised_part(harm: f64, change: f64, chance: f64) -> f64 {
+fn denoised_part([harm, change, chance]: [f64; 3]) -> f64 {
     // A weight of the window is at most `SIDE²`, so that this is at least the sum over the squared weights.
     let chance = chance * SIDE * SIDE;
     // No change is no harm; and where nothing is known, what the filter did stands.
@@ -154,7 +157,7 @@ fn denoised_part(harm: f64, change: f64, chance: f64) -> f64 {
 }
 
 /// Sums over the window.
-fn tent(plane: &[f64], width: usize) -> Vec<f64> {
+fn tent(plane: &[f32], width: usize) -> Vec<f32> {
     let once = fold(plane, width, RADIUS, |a, b| a + b);
     fold(&once, width, RADIUS, |a, b| a + b)
 }

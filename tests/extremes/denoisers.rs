@@ -1,4 +1,4 @@
-//! The denoisers at their extremes: both filters and both networks.
+//! The denoisers at their extremes: both filters and the networks at every quality.
 
 use super::{methods, rendered};
 use crate::support::scenes::scene_from;
@@ -10,13 +10,14 @@ use quietlight_denoise::metrics::{flip, one_minus_ssim, psnr, relative_l2};
 use quietlight_denoise::{Denoised, Denoiser, Image, Layer, LayerKind, Layers};
 
 /// Every denoiser that a user can ask for.
-pub(super) fn denoisers() -> [(&'static str, Denoiser); 4] {
+pub(super) fn denoisers() -> [(&'static str, Denoiser); 5] {
     let network = |quality| Denoiser::embedded(quality).expect("the networks are there");
     [
         ("bilateral", Denoiser::bilateral()),
         ("bilateral-constant", Denoiser::bilateral_constant()),
         ("kpcn fast", network(Quality::Fast)),
         ("kpcn balanced", network(Quality::Balanced)),
+        ("kpcn high", network(Quality::High)),
     ]
 }
 
@@ -216,7 +217,7 @@ fn light_a_power_of_two_brighter_is_denoised_alike() {
     // Signals have the exposure divided out, so that a picture times 2^k is denoised to 2^k times the same. Without mixing:
     // what is mixed back is judged by relative L2, whose denominator tells light below 0.1 from brighter light.
     let sound = picture(48, 32, 4);
-    let [.., (_, fast), (_, balanced)] = denoisers();
+    let [.., (_, fast), (_, balanced), (_, high)] = denoisers();
     let unmixed = |denoiser: Denoiser| match denoiser {
         Denoiser::Kpcn { networks, quality } => {
             Denoiser::Kpcn { networks: networks.without_mixing(), quality }
@@ -228,6 +229,7 @@ fn light_a_power_of_two_brighter_is_denoised_alike() {
         ("bilateral-constant", Denoiser::bilateral_constant()),
         ("kpcn fast", unmixed(fast)),
         ("kpcn balanced", unmixed(balanced)),
+        ("kpcn high", unmixed(high)),
     ] {
         let expected = denoised(name, &denoiser, &sound).image;
         for exponent in [-27, -14, 14, 27] {

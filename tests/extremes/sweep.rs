@@ -155,7 +155,7 @@ fn cell(
 
 /// Renders everything; returns the tables and what is wrong.
 fn sweep(form: Form, axes: Vec<Axis>, replicas: u64, level: f64) -> (String, Vec<String>) {
-    let [learned, _, fast, _] = denoisers();
+    let [learned, _, fast, ..] = denoisers();
     let denoisers = [learned, fast];
     let names: Vec<&str> = methods().iter().map(|(name, _)| *name).collect();
     let (mut text, mut wrong) = (String::new(), Vec::new());
@@ -198,7 +198,7 @@ fn denoisers_table() -> String {
         .to_owned();
     let denoisers = denoisers();
     denoisers.iter().for_each(|(name, _)| write!(text, " {name} |").expect("a string"));
-    text += "\n|---|---|---|---|---|\n";
+    text += &format!("\n|{}\n", "---|".repeat(denoisers.len() + 1));
     let plain: Vec<_> = denoisers
         .iter()
         .map(|(_, denoiser)| {
