@@ -63,7 +63,7 @@ class Config:
     """A training run."""
 
     name: str
-    """The tier: `fast`, `balanced`, `high`, ..."""
+    """The tier: `fast`, `balanced`, ..."""
     network: NetworkConfig
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
     loss: LossConfig = field(default_factory=LossConfig)
