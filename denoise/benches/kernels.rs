@@ -1,12 +1,15 @@
 //! Time of applying predicted kernels: `cargo bench -p quietlight-denoise --bench kernels`.
 //!
-//! Random logits on a tile of 256×256 pixels, six channels as in a denoised picture (light and noise); throughput is in
-//! pixels. Set `RAYON_NUM_THREADS=1` for the time of one core.
+//! Random numbers for the networks' outputs on a tile of 256×256 pixels, six channels as in a denoised picture (light and
+//! noise), pyramids of networks with 32, 64 and 96 features; throughput is in pixels. Set `RAYON_NUM_THREADS=1` for the
+//! time of one core.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use quietlight_denoise::kpcn::{PYRAMID_OUTPUTS, apply_kernel, apply_pyramid};
+use quietlight_denoise::kpcn::{
+    PYRAMID_FINEST_OUTPUTS, PYRAMID_OUTPUTS, apply_kernel, apply_pyramid,
+};
 
 const SIDE: usize = 256;
 const CHANNELS: usize = 6;
@@ -27,22 +30,29 @@ fn kernels(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements((SIDE * SIDE) as u64));
     group.sample_size(20);
 
-    let levels: Vec<Vec<f32>> = PYRAMID_OUTPUTS
-        .into_iter()
-        .map(|(channels, halvings)| random(channels * (SIDE >> halvings) * (SIDE >> halvings), 4.0))
-        .collect();
-    let levels: Vec<&[f32]> = levels.iter().map(Vec::as_slice).collect();
-    group.bench_function("pyramid", |bencher| {
-        bencher.iter(|| {
-            apply_pyramid::<CHANNELS>(
-                black_box(&levels),
-                [SIDE, SIDE],
-                [SIDE, SIDE],
-                &[0..SIDE, 0..SIDE],
-                &signal,
-            )
+    for features in [32, 64, 96] {
+        let image = |channels: usize, halvings: usize, range| {
+            random(channels * (SIDE >> halvings) * (SIDE >> halvings), range)
+        };
+        let mut outputs = vec![image(features, 1, 1.0)];
+        outputs.extend(
+            PYRAMID_OUTPUTS.into_iter().map(|(channels, halvings)| image(channels, halvings, 4.0)),
+        );
+        outputs.push(random(PYRAMID_FINEST_OUTPUTS * features, 0.5));
+        outputs.push(random(PYRAMID_FINEST_OUTPUTS, 1.0));
+        let outputs: Vec<&[f32]> = outputs.iter().map(Vec::as_slice).collect();
+        group.bench_function(format!("pyramid/{features}"), |bencher| {
+            bencher.iter(|| {
+                apply_pyramid::<CHANNELS>(
+                    black_box(&outputs),
+                    [SIDE, SIDE],
+                    [SIDE, SIDE],
+                    &[0..SIDE, 0..SIDE],
+                    &signal,
+                )
+            });
         });
-    });
+    }
     for size in [5, 21] {
         let logits = random(size * size * SIDE * SIDE, 4.0);
         group.bench_function(format!("{size}x{size}"), |bencher| {

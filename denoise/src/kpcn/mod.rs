@@ -10,6 +10,7 @@
 mod buffers;
 mod channels;
 mod embedded;
+mod head;
 mod kernel;
 mod library;
 mod model;
@@ -35,7 +36,9 @@ pub use model::{Entry, Model, Quality, entries};
 pub use network::{Branch, Kind, Network, PROVIDER, Runtime, runtime};
 use orientation::Orientation;
 use picture::{Filtered, Picture, WITH_NOISE, WITHOUT_NOISE};
-pub use pyramid::{OUTPUTS as PYRAMID_OUTPUTS, apply as apply_pyramid};
+pub use pyramid::{
+    FINEST_OUTPUTS as PYRAMID_FINEST_OUTPUTS, OUTPUTS as PYRAMID_OUTPUTS, apply as apply_pyramid,
+};
 use tile::Tile;
 pub use transform::EPSILON;
 
@@ -259,25 +262,25 @@ fn filter_tile(
         picture.signal(branch, kind, tile)
     });
     let start = Instant::now();
-    network.run(input, tile.padded, |logits| {
+    network.run(input, tile.padded, |outputs| {
         let time = start.elapsed();
         let signal = threads.install(|| {
             if picture.has_noise() {
-                apply::<WITH_NOISE>(kind, logits, tile, &signal)
+                apply::<WITH_NOISE>(kind, outputs, tile, &signal)
             } else {
-                apply::<WITHOUT_NOISE>(kind, logits, tile, &signal)
+                apply::<WITHOUT_NOISE>(kind, outputs, tile, &signal)
             }
         });
         (Filtered { branch, kind, signal }, time)
     })
 }
 
-fn apply<const C: usize>(kind: Kind, logits: &[&[f32]], tile: &Tile, signal: &[f32]) -> Vec<f32> {
+fn apply<const C: usize>(kind: Kind, outputs: &[&[f32]], tile: &Tile, signal: &[f32]) -> Vec<f32> {
     match kind {
         Kind::KernelPyramid => {
-            pyramid::apply::<C>(logits, tile.padded, tile.size(), &tile.core(), signal)
+            pyramid::apply::<C>(outputs, tile.padded, tile.size(), &tile.core(), signal)
         }
-        Kind::Kernel { size } => kernel::apply::<C>(logits[0], tile.size(), size, signal),
+        Kind::Kernel { size } => kernel::apply::<C>(outputs[0], tile.size(), size, signal),
     }
 }
 

@@ -1,13 +1,15 @@
 //! Networks as onnxruntime runs them; the only file that names the crate `ort`.
 //!
-//! A network yields logits and nothing else. What a file of weights must say of itself, in its ONNX metadata: `kind`
-//! (`kernel_pyramid` or `kernel`), `branch` (`diffuse` or `specular`), `tier`, `channels` (the names of the input's
-//! channels, with commas between), `epsilon` and `version` (1). A file that says anything else is refused.
+//! A network yields logits and nothing else, but for the finest level of a pyramid: what they are made of, which `head`
+//! does. What a file of weights must say of itself, in its ONNX metadata: `kind` (`kernel_pyramid` or `kernel`), `branch`
+//! (`diffuse` or `specular`), `tier`, `channels` (the names of the input's channels, with commas between), `epsilon` and
+//! `version` (2). A file that says anything else is refused.
 //!
 //! One environment a process; a session is made once for each file and number of threads. Sessions have threads of their
 //! own: [`Network::run`] must be called outside of rayon's workers, which would wait for it with nothing to do.
 
 use std::collections::HashMap;
+use std::fmt::{self, Display};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use ort::environment::Environment;
@@ -18,12 +20,12 @@ use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 use super::channels;
 use super::library::{self, Origin};
 use super::model::Model;
-use super::pyramid::OUTPUTS;
+use super::pyramid::{FINEST_OUTPUTS, OUTPUTS};
 use super::transform::EPSILON;
 use crate::error::Error;
 
 /// The one version of the files' metadata.
-const VERSION: &str = "1";
+const VERSION: &str = "2";
 
 /// Which part of the light a network is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -60,23 +62,77 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Channels of the input, and the binary logarithm of how much smaller than the picture it is.
-    fn input(self) -> (usize, usize) {
-        match self {
+    /// The input.
+    fn input(self) -> Tensor {
+        let (channels, halvings) = match self {
             Self::KernelPyramid => (4 * channels::PYRAMID.len(), 1),
             Self::Kernel { .. } => (channels::KERNEL.len(), 0),
+        };
+        Tensor { name: "input", shape: Shape::Image { channels, halvings } }
+    }
+
+    /// The outputs in order; `features` are the channels of the first one of a pyramid.
+    fn outputs(self, features: usize) -> Vec<Tensor> {
+        let image =
+            |name, channels, halvings| Tensor { name, shape: Shape::Image { channels, halvings } };
+        let Self::KernelPyramid = self else { return vec![image("logits", features, 0)] };
+        let levels = ["level1", "level2", "level3"].into_iter().zip(OUTPUTS);
+        let mut outputs = vec![image("half", features, 1)];
+        outputs.extend(levels.map(|(name, (channels, halvings))| image(name, channels, halvings)));
+        let constant = |name, sides| Tensor { name, shape: Shape::Constant(sides) };
+        outputs.push(constant("level0.weight", vec![FINEST_OUTPUTS, features]));
+        outputs.push(constant("level0.bias", vec![FINEST_OUTPUTS]));
+        outputs
+    }
+}
+
+/// An input or output, of 32-bit floats.
+#[derive(Debug)]
+struct Tensor {
+    name: &'static str,
+    shape: Shape,
+}
+
+#[derive(Debug)]
+enum Shape {
+    /// `[1, channels, height, width]` of 2^−halvings of the picture's size.
+    Image { channels: usize, halvings: usize },
+    /// The same whatever the picture.
+    Constant(Vec<usize>),
+}
+
+impl Shape {
+    /// The sides for a picture of that size.
+    fn of(&self, [height, width]: [usize; 2]) -> Vec<usize> {
+        match self {
+            Self::Image { channels, halvings } => {
+                vec![1, *channels, height >> halvings, width >> halvings]
+            }
+            Self::Constant(sides) => sides.clone(),
         }
     }
 
-    /// Names of the outputs, with the same of each.
-    fn outputs(self) -> Vec<(String, usize, usize)> {
+    /// Whether a file's tensor has it.
+    fn is_of(&self, value: &ValueType) -> bool {
         match self {
-            Self::KernelPyramid => OUTPUTS
-                .into_iter()
-                .enumerate()
-                .map(|(level, (channels, halvings))| (format!("level{level}"), channels, halvings))
-                .collect(),
-            Self::Kernel { size } => vec![("logits".into(), size * size, 0)],
+            Self::Image { channels, .. } => channels_of(value) == Some(*channels),
+            Self::Constant(sides) => match value {
+                ValueType::Tensor { ty: TensorElementType::Float32, shape, .. } => {
+                    shape.iter().copied().eq(sides.iter().map(|side| *side as i64))
+                }
+                _ => false,
+            },
+        }
+    }
+}
+
+impl Display for Tensor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.shape {
+            Shape::Image { channels, .. } => {
+                write!(f, "{}: 32-bit floats [1, {channels}, height, width]", self.name)
+            }
+            Shape::Constant(sides) => write!(f, "{}: 32-bit floats {sides:?}", self.name),
         }
     }
 }
@@ -133,6 +189,8 @@ pub struct Network {
     threads: usize,
     /// A session runs one input at a time. `None` after its memory was given back, until the next run.
     session: Mutex<Option<Session>>,
+    /// What a run gives, in order.
+    outputs: Vec<Tensor>,
     /// What it predicts.
     pub kind: Kind,
     /// Which light it is for.
@@ -187,40 +245,39 @@ impl Network {
         if epsilon.parse() != Ok(EPSILON) {
             return Err(model.refused(format!("the epsilon '{epsilon}'"), &EPSILON.to_string()));
         }
-        let outputs = session.outputs();
+        let first = session.outputs().first().and_then(|output| channels_of(output.dtype()));
+        let first = first.unwrap_or(0);
         let (kind, names) = match say("kind").as_str() {
             "kernel_pyramid" => (Kind::KernelPyramid, &channels::PYRAMID[..]),
-            "kernel" => {
-                (Kind::Kernel { size: kernel_size(model, outputs)? }, &channels::KERNEL[..])
-            }
+            "kernel" => (Kind::Kernel { size: kernel_size(model, first)? }, &channels::KERNEL[..]),
             other => {
                 let found = format!("the kind '{other}'");
                 return Err(model.refused(found, "'kernel_pyramid' or 'kernel'"));
             }
         };
         expect("channels", &names.join(","))?;
-        let (channels, _) = kind.input();
-        check_tensors(model, "inputs", session.inputs(), &[("input".into(), channels, 0)])?;
-        check_tensors(model, "outputs", outputs, &kind.outputs())?;
+        // A pyramid of no features would be no convolution.
+        let outputs = kind.outputs(first.max(1));
+        check_tensors(model, "inputs", session.inputs(), &[kind.input()])?;
+        check_tensors(model, "outputs", session.outputs(), &outputs)?;
         drop(metadata);
         let session = Mutex::new(Some(session));
-        Ok(Self { model: model.clone(), threads, session, kind, branch })
+        Ok(Self { model: model.clone(), threads, session, outputs, kind, branch })
     }
 
     /// Runs the network on the `input` of a picture of that height and width (see [`channels`]), and hands its outputs to
-    /// `take`, in order: those of [`pyramid::OUTPUTS`](super::pyramid::OUTPUTS), or `[size², height, width]`.
+    /// `take`, in order: those that [`pyramid::apply`](super::pyramid::apply) takes, or `[size², height, width]`.
     ///
     /// # Errors
     /// [`Error::Inference`] where onnxruntime fails or an output has not the size that follows from the input's.
     pub(super) fn run<T>(
         &self,
         input: &[f32],
-        [height, width]: [usize; 2],
+        size: [usize; 2],
         take: impl FnOnce(&[&[f32]]) -> T,
     ) -> Result<T, Error> {
         let reason = |error: ort::Error| self.failed(error.to_string());
-        let (channels, halvings) = self.kind.input();
-        let shape = [1, channels, height >> halvings, width >> halvings];
+        let shape = self.kind.input().shape.of(size);
         let tensor = TensorRef::from_array_view((shape, input)).map_err(reason)?;
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         let session = match &mut *session {
@@ -233,12 +290,11 @@ impl Network {
         };
         let outputs = session.run(ort::inputs!["input" => tensor]).map_err(reason)?;
         let mut slices = Vec::new();
-        for (name, channels, halvings) in self.kind.outputs() {
+        for Tensor { name, shape: expected } in &self.outputs {
             let output =
-                outputs.get(&name).ok_or_else(|| self.failed(format!("no output {name}")))?;
+                outputs.get(name).ok_or_else(|| self.failed(format!("no output {name}")))?;
             let (shape, values) = output.try_extract_tensor::<f32>().map_err(reason)?;
-            let expected = [1, channels, height >> halvings, width >> halvings];
-            if shape[..] != expected.map(|side| side as i64) {
+            if !shape.iter().copied().eq(expected.of(size).into_iter().map(|side| side as i64)) {
                 return Err(self.failed(format!("{name} has the shape {:?}", &shape[..])));
             }
             slices.push(values);
@@ -247,7 +303,7 @@ impl Network {
     }
 
     /// Gives back the memory that runs of up to `pixels` have left with the session, if it is much: a session keeps what its
-    /// largest run took, about 350 bytes a pixel, and the other branch has one too. The next run makes a new session.
+    /// largest run took, some hundred bytes a pixel, and the other branch has one too. The next run makes a new session.
     pub(super) fn release_memory(&self, pixels: usize) {
         // Making a session takes 50 ms, which running this many pixels outweighs ten times.
         const MANY: usize = 1 << 18;
@@ -261,9 +317,8 @@ impl Network {
     }
 }
 
-/// Taps on a side of the kernels that the one output has: the square root of its channels.
-fn kernel_size(model: &Model, outputs: &[Outlet]) -> Result<usize, Error> {
-    let channels = outputs.first().and_then(|output| channels_of(output.dtype())).unwrap_or(0);
+/// Taps on a side of the kernels that an output of so many channels has: their square root.
+fn kernel_size(model: &Model, channels: usize) -> Result<usize, Error> {
     let size = channels.isqrt();
     if size * size == channels && size % 2 == 1 {
         return Ok(size);
@@ -297,24 +352,21 @@ fn channels_of(value: &ValueType) -> Option<usize> {
     }
 }
 
-/// Checks that a file has these tensors and no others, all of 32-bit floats.
+/// Checks that a file has these tensors and no others.
 fn check_tensors(
     model: &Model,
     what: &str,
     found: &[Outlet],
-    expected: &[(String, usize, usize)],
+    expected: &[Tensor],
 ) -> Result<(), Error> {
-    let is_expected = |(tensor, (name, channels, _)): (&Outlet, &(String, usize, usize))| {
-        tensor.name() == name && channels_of(tensor.dtype()) == Some(*channels)
+    let is_expected = |(found, expected): (&Outlet, &Tensor)| {
+        found.name() == expected.name && expected.shape.is_of(found.dtype())
     };
     if found.len() == expected.len() && found.iter().zip(expected).all(is_expected) {
         return Ok(());
     }
     let found: Vec<_> =
         found.iter().map(|tensor| format!("{}: {}", tensor.name(), tensor.dtype())).collect();
-    let expected: Vec<_> = expected
-        .iter()
-        .map(|(name, channels, _)| format!("{name}: 32-bit floats [1, {channels}, height, width]"))
-        .collect();
+    let expected: Vec<_> = expected.iter().map(Tensor::to_string).collect();
     Err(model.refused(format!("the {what} {}", found.join(", ")), &expected.join(", ")))
 }

@@ -10,7 +10,7 @@ use crate::simd::{Kernel, vectorise};
 pub(super) const BLOCK: usize = 16;
 
 /// A number for each pixel of a block.
-type Row = [f32; BLOCK];
+pub(super) type Row = [f32; BLOCK];
 
 /// One tap of all pixels of a row: its logits and the values that it sees in `C` channels. All slices begin at the first
 /// pixel; barrier and values reach [`BLOCK`] − 1 beyond the last.
@@ -99,7 +99,7 @@ impl<const C: usize> Tap<'_, C> {
 
 /// Combines the numbers of two blocks, one by one.
 #[inline(always)]
-fn each(a: Row, b: Row, combine: impl Fn(f32, f32) -> f32) -> Row {
+pub(super) fn each(a: Row, b: Row, combine: impl Fn(f32, f32) -> f32) -> Row {
     let mut result = a;
     for (result, b) in result.iter_mut().zip(b) {
         *result = combine(*result, b);

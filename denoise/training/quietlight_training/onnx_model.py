@@ -1,8 +1,12 @@
 """The ONNX file of a network: logits only, with the metadata by which the renderer knows it.
 
-Input `input`, float32: `[1, 88, height/2, width/2]` for a kernel pyramid, whose outputs are `level0` … `level3`;
-`[1, 27, height, width]` for a single kernel, whose output is `logits`; see `network`. Height and width are free
-(multiples of 16 for the pyramid).
+Input `input`, float32: `[1, 88, height/2, width/2]` for a kernel pyramid, `[1, 27, height, width]` for a single kernel,
+whose output is `logits`; see `network`. Height and width are free (multiples of 16 for the pyramid).
+
+A pyramid's outputs are `half`, the features `[1, w0, height/2, width/2]` of which `level0` is a 1×1 convolution,
+`level1` … `level3`, and that convolution's `level0.weight` `[140, w0]` and `level0.bias` `[140]`, constants. Who runs
+the file computes `level0` itself: the renderer a row at a time, so that its 140 channels are never in memory, and
+[`logits`] here.
 """
 
 import hashlib
@@ -14,14 +18,33 @@ import onnx
 import onnxruntime
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from quietlight_training.channels import KERNEL_CHANNELS, PYRAMID_CHANNELS
 from quietlight_training.config import NetworkConfig
 from quietlight_training.denoiser import BRANCHES, Denoiser
+from quietlight_training.network import PyramidNetwork
 from quietlight_training.transforms import EPSILON
 
 OPSET = 18
-VERSION = "1"
+VERSION = "2"
+
+
+# Outputs of a pyramid that are images, then those that are constants.
+PYRAMID_IMAGES = ("half", "level1", "level2", "level3")
+FINEST_HEAD = ("level0.weight", "level0.bias")
+
+
+class _AllButFinest(nn.Module):
+    """A pyramid network as its file has it."""
+
+    def __init__(self, network: PyramidNetwork):
+        super().__init__()
+        self.network = network
+
+    def forward(self, channels: Tensor) -> tuple[Tensor, ...]:
+        head = self.network.heads[0]
+        return *self.network.all_but_finest(channels), head.weight.flatten(1), head.bias
 
 
 def channel_names(config: NetworkConfig) -> tuple[str, ...]:
@@ -36,16 +59,17 @@ def input_channels(config: NetworkConfig) -> int:
 
 def output_names(config: NetworkConfig) -> tuple[str, ...]:
     """Names of the outputs."""
-    return ("level0", "level1", "level2", "level3") if config.kind == "kernel_pyramid" else ("logits",)
+    return (*PYRAMID_IMAGES, *FINEST_HEAD) if config.kind == "kernel_pyramid" else ("logits",)
 
 
 def to_onnx(network: nn.Module, config: NetworkConfig, tier: str, branch: str) -> onnx.ModelProto:
     """The network as an ONNX model, with its metadata."""
     names = output_names(config)
-    axes = {name: {2: f"{name}_height", 3: f"{name}_width"} for name in names}
+    axes = {name: {2: f"{name}_height", 3: f"{name}_width"} for name in names if name not in FINEST_HEAD}
     file = io.BytesIO()
+    network = network.eval().to(memory_format=torch.contiguous_format)
     torch.onnx.export(
-        network.eval().to(memory_format=torch.contiguous_format),
+        _AllButFinest(network) if isinstance(network, PyramidNetwork) else network,
         (torch.zeros(1, input_channels(config), 32, 32),),
         file,
         input_names=["input"],
@@ -104,14 +128,25 @@ def session(model: onnx.ModelProto | Path, threads: int = 0) -> onnxruntime.Infe
     return onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
 
 
+def logits(runner: onnxruntime.InferenceSession, inputs: np.ndarray) -> tuple[Tensor, ...]:
+    """What the network gives in torch: the file's outputs, `level0` computed from its features."""
+    names = [output.name for output in runner.get_outputs()]
+    outputs = dict(zip(names, map(torch.from_numpy, runner.run(None, {"input": inputs})), strict=True))
+    if "half" not in outputs:
+        return tuple(outputs.values())
+    half, *others = (outputs[name] for name in PYRAMID_IMAGES)
+    weight, bias = (outputs[name] for name in FINEST_HEAD)
+    return functional.conv2d(half, weight[:, :, None, None], bias), *others
+
+
 def largest_difference(model: onnx.ModelProto, network: nn.Module, inputs: Tensor) -> float:
     """Largest difference of any logit between onnxruntime and torch, over the largest logit or 1."""
     with torch.no_grad():
         outputs = network.eval()(inputs)
     expected = outputs if isinstance(outputs, tuple) else (outputs,)
-    found = session(model).run(None, {"input": inputs.numpy()})
+    found = logits(session(model), inputs.numpy())
     return max(
-        float(np.abs(there - here.numpy()).max() / max(1.0, here.abs().max().item()))
+        (there - here).abs().max().item() / max(1.0, here.abs().max().item())
         for there, here in zip(found, expected, strict=True)
     )
 
@@ -125,7 +160,7 @@ class OnnxNetwork(nn.Module):
 
     def forward(self, channels: Tensor) -> Tensor | tuple[Tensor, ...]:
         """Logits; one image at a time, as the renderer does."""
-        outputs = tuple(torch.from_numpy(o) for o in self.session.run(None, {"input": channels.contiguous().numpy()}))
+        outputs = logits(self.session, channels.contiguous().numpy())
         return outputs if len(outputs) > 1 else outputs[0]
 
 

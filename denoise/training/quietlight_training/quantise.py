@@ -13,7 +13,7 @@ from quietlight_training.augment import as_rendered
 from quietlight_training.batches import collate
 from quietlight_training.denoiser import BRANCHES, Denoiser
 from quietlight_training.examples import Example, read_pair
-from quietlight_training.onnx_model import session
+from quietlight_training.onnx_model import logits, session
 from quietlight_training.scores import choose
 
 
@@ -82,7 +82,7 @@ def error(model: onnx.ModelProto, network: nn.Module, inputs: list[np.ndarray]) 
         for values in inputs:
             outputs: Tensor | tuple[Tensor, ...] = network(torch.from_numpy(values))
             expected = outputs if isinstance(outputs, tuple) else (outputs,)
-            for there, here in zip(runner.run(None, {"input": values}), expected, strict=True):
-                squares += float(np.square(there - here.numpy()).sum(dtype=np.float64))
-                count += there.size
+            for there, here in zip(logits(runner, values), expected, strict=True):
+                squares += (there - here).double().square().sum().item()
+                count += there.numel()
     return (squares / count) ** 0.5

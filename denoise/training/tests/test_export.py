@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import onnx
 import pytest
 import torch
@@ -68,10 +69,14 @@ def test_the_files_say_what_they_are(network, tmp_path):
             "tier": "fast",
             "channels": ",".join(names),
             "epsilon": "0.00316",
-            "version": "1",
+            "version": "2",
         }
-        outputs = [output.name for output in session.get_outputs()]
-        assert outputs == (["level0", "level1", "level2", "level3"] if is_pyramid else ["logits"])
+        outputs = {output.name: output.shape for output in session.get_outputs()}
+        if is_pyramid:
+            assert list(outputs) == ["half", "level1", "level2", "level3", "level0.weight", "level0.bias"]
+            assert (outputs["half"][:2], outputs["level0.weight"], outputs["level0.bias"]) == ([1, 8], [140, 8], [140])
+        else:
+            assert list(outputs) == ["logits"]
         assert [value.name for value in session.get_inputs()] == ["input"]
         assert onnx.load(path).opset_import[0].version == 18
 
@@ -94,10 +99,13 @@ def test_a_model_that_differs_from_torch_is_refused(tmp_path):
     network = Denoiser(PYRAMID).diffuse
     model = onnx_model.to_onnx(network, PYRAMID, "unit", "diffuse")
     assert check(model, network, 88) < 1e-5
-    with torch.no_grad():
-        network.heads[3].bias[0] += 1e-2
-    with pytest.raises(ValueError, match="differs from torch"):
-        check(model, network, 88)
+    for head in (network.heads[0], network.heads[3]):
+        with torch.no_grad():
+            head.bias[0] += 1e-2
+        with pytest.raises(ValueError, match="differs from torch"):
+            check(model, network, 88)
+        with torch.no_grad():
+            head.bias[0] -= 1e-2
 
 
 def test_swapped_branches_are_refused(tmp_path):
@@ -130,6 +138,13 @@ def test_int8_changes_the_logits_little_and_keeps_the_description(data, tmp_path
     assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, *options) == 0
     model = onnx.load(tmp_path / "kpcn-unit-diffuse.onnx")
     assert any(node.op_type == "QuantizeLinear" for node in model.graph.node)
+    assert all(output.type.tensor_type.elem_type == onnx.TensorProto.FLOAT for output in model.graph.output)
+    head = onnx_model.session(model).run(
+        ["level0.weight", "level0.bias"], {"input": torch.zeros(1, 88, 16, 16).numpy()}
+    )
+    onnx_model.round_weights(denoiser)
+    expected = (denoiser.diffuse.heads[0].weight.flatten(1), denoiser.diffuse.heads[0].bias)
+    assert all(np.array_equal(found, weights.detach()) for found, weights in zip(head, expected, strict=True))
     assert {prop.key: prop.value for prop in model.metadata_props}["kind"] == "kernel_pyramid"
     inputs = quantise.calibration_inputs(denoiser, data, examples.read_index(data, "train"), 3)["diffuse"]
     with torch.no_grad():

@@ -2,10 +2,11 @@
 
 use serde_json::Value;
 
+use super::kernels::apply_logits;
 use super::whole;
 use crate::kpcn::buffers::Buffers;
 use crate::kpcn::picture::{Filtered, Picture, WITH_NOISE};
-use crate::kpcn::{Branch, EPSILON, Kind, channels, kernel, pyramid};
+use crate::kpcn::{Branch, EPSILON, Kind, channels, kernel};
 use crate::layers::{Image, Layer, LayerKind, Layers};
 
 /// METHODS: Rust = PyTorch to 1e-4, of the larger of 1 and the number.
@@ -165,9 +166,7 @@ fn the_pyramids_result_is_pytorchs() {
         assert_close(light, &numbers(&expected["signal"]), &|_| branch.name().into());
         let logits: Vec<_> =
             (0..4).map(|level| numbers(&expected[format!("level{level}")])).collect();
-        let logits: Vec<_> = logits.iter().map(Vec::as_slice).collect();
-        let result =
-            pyramid::apply::<WITH_NOISE>(&logits, tile.padded, tile.size(), &tile.core(), &signal);
+        let result = apply_logits::<WITH_NOISE>(&logits, tile.padded, tile.size(), &signal);
         let light = &planar(&result, WITH_NOISE, layers.width)[..3 * 13 * 11];
         assert_close(light, &numbers(&expected["result"]), &|_| branch.name().into());
         Filtered { branch, kind: Kind::KernelPyramid, signal: result }

@@ -1,7 +1,7 @@
 //! What any logits must do: combine convexly, at the borders too.
 
 use super::Random;
-use crate::kpcn::pyramid::{self, OUTPUTS};
+use crate::kpcn::pyramid::{self, FINEST_OUTPUTS, OUTPUTS};
 use crate::kpcn::{kernel, softmax};
 
 /// Sizes with odd and tiny levels, and one wider than two blocks.
@@ -9,8 +9,9 @@ const SIZES: [[usize; 2]; 7] = [[1, 1], [1, 9], [7, 1], [2, 2], [13, 11], [16, 1
 
 /// Random logits of the four levels, in `±range`.
 fn pyramid_logits(random: &mut Random, [height, width]: [usize; 2], range: f32) -> Vec<Vec<f32>> {
-    OUTPUTS
+    [(FINEST_OUTPUTS, 1)]
         .into_iter()
+        .chain(OUTPUTS)
         .map(|(channels, halvings)| {
             let count = channels * (height >> halvings) * (width >> halvings);
             random.uniforms(count, -range..range)
@@ -18,8 +19,19 @@ fn pyramid_logits(random: &mut Random, [height, width]: [usize; 2], range: f32) 
         .collect()
 }
 
-fn slices(levels: &[Vec<f32>]) -> Vec<&[f32]> {
-    levels.iter().map(Vec::as_slice).collect()
+/// Filters by the logits of the four levels.
+pub(super) fn apply_logits<const C: usize>(
+    levels: &[Vec<f32>],
+    padded: [usize; 2],
+    size: [usize; 2],
+    signal: &[f32],
+) -> Vec<f32> {
+    // A convolution that gives what it is given.
+    let mut identity = vec![0.0; FINEST_OUTPUTS * FINEST_OUTPUTS];
+    identity.iter_mut().step_by(FINEST_OUTPUTS + 1).for_each(|weight| *weight = 1.0);
+    let bias = vec![0.0; FINEST_OUTPUTS];
+    let outputs: Vec<&[f32]> = levels.iter().chain([&identity, &bias]).map(Vec::as_slice).collect();
+    pyramid::apply::<C>(&outputs, padded, size, &all(size), signal)
 }
 
 /// All rows and columns.
@@ -35,7 +47,7 @@ fn filtered(random: &mut Random, size: [usize; 2], range: f32, signal: &[f32]) -
         let logits = random.uniforms(side * side * size[0] * size[1], -range..range);
         kernel::apply::<1>(&logits, size, side, signal)
     });
-    [pyramid::apply::<1>(&slices(&levels), padded, size, &all(size), signal), small, large]
+    [apply_logits::<1>(&levels, padded, size, signal), small, large]
 }
 
 #[test]
@@ -74,10 +86,7 @@ fn one_hot_logits_are_the_identity() {
         let mut levels = pyramid_logits(&mut random, padded, 3.0);
         // The centre of the 5×5 taps on the finest level: four channels of half the size.
         levels[0][12 * padded[0] * padded[1]..][..padded[0] * padded[1]].fill(200.0);
-        assert_eq!(
-            pyramid::apply::<1>(&slices(&levels), padded, size, &all(size), &signal),
-            signal
-        );
+        assert_eq!(apply_logits::<1>(&levels, padded, size, &signal), signal);
 
         let mut logits = random.uniforms(25 * size[0] * size[1], -3.0..3.0);
         logits[12 * size[0] * size[1]..][..size[0] * size[1]].fill(200.0);
@@ -130,7 +139,7 @@ fn only_the_coarsest_level_can_be_asked_for() {
         let count = channels * (padded[0] >> halvings) * (padded[1] >> halvings);
         logits[centre * count..][..count].fill(300.0);
     }
-    let result = pyramid::apply::<1>(&slices(&levels), padded, size, &all(size), &signal);
+    let result = apply_logits::<1>(&levels, padded, size, &signal);
     for (y, x) in (0..16).flat_map(|y| (0..24).map(move |x| (y, x))) {
         let (row, column) = (y / 8 * 8, x / 8 * 8);
         let cell = (row..row + 8).flat_map(|y| (column..column + 8).map(move |x| (y, x)));

@@ -59,10 +59,19 @@ fn what_is_no_network_of_ours_is_refused() {
         (patched(whole.clone(), b"diffuse", b"diffuze"), "diffuze"),
         (patched(whole.clone(), b"log.dx.R", b"log.dx.X"), "log.dx.R"),
         (patched(whole.clone(), b"0.00316", b"0.00317"), "0.00317"),
-        (patched(whole.clone(), b"version\x12\x011", b"version\x12\x012"), "'1'"),
+        (patched(whole.clone(), b"version\x12\x012", b"version\x12\x011"), "'2'"),
         (
             patched(whole.clone(), b"level2", b"layer2"),
             "level2: 32-bit floats [1, 35, height, width]",
+        ),
+        // The weight's sides become 140 · 4 and 1.
+        (
+            patched(
+                whole.clone(),
+                b"Flatten*\x0b\x0a\x04axis\x18\x01",
+                b"Flatten*\x0b\x0a\x04axis\x18\x02",
+            ),
+            "level0.weight: 32-bit floats [140, 4], level0.bias: 32-bit floats [140]",
         ),
         (patched(whole.clone(), b"input", b"imput"), "input: 32-bit floats [1, 88, height, width]"),
     ] {
