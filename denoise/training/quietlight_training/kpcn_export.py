@@ -67,6 +67,8 @@ def run(args: argparse.Namespace) -> None:
             "steps": checkpoint.step,
             "hours": round(checkpoint.seconds / 3600, 2),
             **checkpoint.provenance,
+            # The folders above it are the machine's.
+            "data": Path(checkpoint.provenance["data"]).name,
         }
         print(f"{path}: {path.stat().st_size / 1e6:.2f} MB, onnxruntime differs from torch by {difference:.1e}")
     update_models(args.output / "models.json", entries)

@@ -28,7 +28,9 @@ def save_checkpoint(network: NetworkConfig, folder) -> Denoiser:
     denoiser = Denoiser(network)
     weights = denoiser.state_dict()
     folder.mkdir(exist_ok=True)
-    Checkpoint(Config("unit", network), 7, 3600.0, weights, weights, {}, {"data": "set"}).save(folder / FILE)
+    Checkpoint(Config("unit", network), 7, 3600.0, weights, weights, {}, {"data": "/of/a/machine/set"}).save(
+        folder / FILE
+    )
     return denoiser
 
 
@@ -121,6 +123,7 @@ def test_exporting_another_tier_keeps_the_entries_that_are_there(tmp_path):
         assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, "--tier", tier) == 0
     models = json.loads((tmp_path / "models.json").read_text())
     assert sorted(models) == [f"kpcn-{tier}-{branch}" for tier in ("fast", "high") for branch in BRANCHES]
+    assert all(model["data"] == "set" for model in models.values())
 
 
 @pytest.fixture(scope="module")
