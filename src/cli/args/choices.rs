@@ -19,9 +19,9 @@ pub(in crate::cli) enum Denoiser {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum Quality {
-    /// The smallest networks: about 2.5 seconds of CPU a megapixel
+    /// The smallest networks: about 1.5 seconds of CPU a megapixel
     Fast,
-    /// About 4 seconds of CPU a megapixel
+    /// About 3 seconds of CPU a megapixel
     #[default]
     Balanced,
     /// The balanced networks on the picture in eight orientations, and the mean of that: eight times the CPU
