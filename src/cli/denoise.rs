@@ -53,7 +53,8 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
     png::write(&png, &denoised.image, arguments.finish.exposure)
         .with_context(|| format!("cannot write {}", png.display()))?;
 
-    let used: Vec<String> = layers.layers.keys().map(|kind| kind.name().to_owned()).collect();
+    let used = layers.layers.keys().filter(|kind| denoiser.uses(**kind));
+    let used: Vec<String> = used.map(|kind| kind.name().to_owned()).collect();
     if arguments.finish.json {
         let json = serde_json::json!({
             "output": output,
