@@ -14,12 +14,12 @@ const LIST: &str = include_str!("../../../models/models.json");
 /// What a user trades: each next one is slower and more exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
-    /// At most a second of CPU a megapixel.
+    /// About 1.5 s of CPU a megapixel.
     Fast,
-    /// At most three.
+    /// About 3 s.
     #[default]
     Balanced,
-    /// At most twenty: those of [`Balanced`](Self::Balanced), in eight orientations.
+    /// The networks of [`Balanced`](Self::Balanced) in eight orientations, hence eight times as much.
     High,
 }
 
