@@ -4,8 +4,8 @@
 //!
 //! In order: take the layers and make them safe (`buffers`); for each tile and branch, make the network's channels
 //! (`channels`, `transform`), run it (`network`), apply its kernels (`pyramid` or `kernel`); put the branches
-//! together; mix with the noisy picture where filtering harms ([`blend`](crate::blend)). A branch without light does not
-//! run.
+//! together, and for the highest quality the mean over the picture in all orientations (`orientation`); mix with the
+//! noisy picture where filtering harms ([`blend`](crate::blend)). A branch without light does not run.
 
 mod buffers;
 mod channels;

@@ -34,18 +34,22 @@ impl Orientation {
     }
 
     /// Where pixel `[y, x]` of the turned picture, of that height and width, was before.
-    pub(super) fn source(self, [y, x]: [usize; 2], [height, width]: [usize; 2]) -> [usize; 2] {
-        let y = if self.is_backward[0] { height - 1 - y } else { y };
-        let x = if self.is_backward[1] { width - 1 - x } else { x };
+    pub(super) fn source(self, pixel: [usize; 2], size: [usize; 2]) -> [usize; 2] {
+        let [y, x] = self.reflected(pixel, size);
         if self.is_transposed { [x, y] } else { [y, x] }
     }
 
     /// Where a pixel `[y, x]` is in the turned picture, of that height and width.
-    pub(super) fn place(self, [y, x]: [usize; 2], [height, width]: [usize; 2]) -> [usize; 2] {
-        let [y, x] = if self.is_transposed { [x, y] } else { [y, x] };
-        let y = if self.is_backward[0] { height - 1 - y } else { y };
-        let x = if self.is_backward[1] { width - 1 - x } else { x };
-        [y, x]
+    pub(super) fn place(self, [y, x]: [usize; 2], size: [usize; 2]) -> [usize; 2] {
+        self.reflected(if self.is_transposed { [x, y] } else { [y, x] }, size)
+    }
+
+    /// A pixel counted from the other end along the axes that run backwards.
+    fn reflected(self, pixel: [usize; 2], size: [usize; 2]) -> [usize; 2] {
+        std::array::from_fn(|axis| match self.is_backward[axis] {
+            true => size[axis] - 1 - pixel[axis],
+            false => pixel[axis],
+        })
     }
 
     /// An image, `[channels, height, width]`, turned.
