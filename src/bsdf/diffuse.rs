@@ -25,6 +25,15 @@ impl Diffuse {
     #[inline]
     pub(super) fn sample(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
         let wi = square_to_cosine_hemisphere(u);
-        self.eval(wo, wi).sampled(wi, 1.0)
+        let pdf = cosine_hemisphere_pdf(wi);
+        // The density is the value but for the reflectance: what is left is known without a division.
+        (wo.z > 0.0 && pdf > 0.0).then_some(BsdfSample {
+            wi,
+            diffuse: self.reflectance,
+            specular: Rgb::BLACK,
+            pdf,
+            delta: None,
+            eta: 1.0,
+        })
     }
 }
