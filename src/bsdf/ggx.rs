@@ -1,5 +1,6 @@
 //! The GGX (Trowbridge and Reitz 1975) distribution of microfacet normals.
 
+use crate::math::sine::sine_cosine_of_turns;
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -23,7 +24,7 @@ pub(super) fn sample_visible(w: Vec3, u: Vec2) -> Vec3 {
     // Uniform on the cap z ≥ -w.z; 1 - z and 1 + z apart, so that their product has no cancellation near the pole.
     let below = u.y * (1.0 + w.z);
     let above = (1.0 - u.y) * (1.0 + w.z) + (1.0 - w.z);
-    let (sin_phi, cos_phi) = (2.0 * PI * u.x).sin_cos();
+    let (sin_phi, cos_phi) = sine_cosine_of_turns(u.x);
     let sin = (below * above).max(0.0).sqrt();
     Vec3::new(sin * cos_phi, sin * sin_phi, 1.0 - below) + w
 }

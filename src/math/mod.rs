@@ -7,6 +7,7 @@ pub mod frame;
 pub mod jump;
 pub mod rgb;
 pub mod rigid;
+pub mod sine;
 pub mod sum;
 pub mod warp;
 

@@ -4,8 +4,9 @@
 //! so that stratified points stay stratified. Densities over directions are per steradian; directions are unit
 //! vectors around `z`.
 
+use super::sine::{sine_cosine, sine_cosine_of_turns};
 use glam::{DVec2, Vec2, Vec3};
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI, TAU};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_4, PI, TAU};
 
 /// A point of the unit disk, uniform in area (Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square":
 /// squares around the centre become circles).
@@ -18,8 +19,8 @@ pub fn square_to_disk(u: Vec2) -> Vec2 {
     if radius == 0.0 {
         return Vec2::ZERO;
     }
-    let turn = FRAC_PI_4 * (across / radius);
-    radius * Vec2::from_angle(if is_x { turn } else { FRAC_PI_2 - turn })
+    let (sine, cosine) = sine_cosine(FRAC_PI_4 * (across / radius));
+    radius * if is_x { Vec2::new(cosine, sine) } else { Vec2::new(sine, cosine) }
 }
 
 /// The inverse of [`square_to_disk`], in `[0, 1)²`. In double precision, so that the point found again is right to the
@@ -64,7 +65,7 @@ pub fn cosine_hemisphere_pdf(direction: Vec3) -> f32 {
 pub fn square_to_sphere(u: Vec2) -> Vec3 {
     // 1 - z² with z = 1 - 2u is 4u(1 - u), which does not cancel at the poles.
     let sine = 2.0 * (u.x * (1.0 - u.x)).sqrt();
-    let (sin_phi, cos_phi) = (TAU * u.y).sin_cos();
+    let (sin_phi, cos_phi) = sine_cosine_of_turns(u.y);
     Vec3::new(sine * cos_phi, sine * sin_phi, 1.0 - 2.0 * u.x)
 }
 
@@ -77,7 +78,7 @@ pub const SPHERE_PDF: f32 = 0.25 * FRAC_1_PI;
 pub fn square_to_cone(u: Vec2, one_minus_cosine: f32) -> Vec3 {
     let height = u.x * one_minus_cosine;
     let sine = (height * (2.0 - height)).max(0.0).sqrt();
-    let (sin_phi, cos_phi) = (TAU * u.y).sin_cos();
+    let (sin_phi, cos_phi) = sine_cosine_of_turns(u.y);
     Vec3::new(sine * cos_phi, sine * sin_phi, 1.0 - height)
 }
 

@@ -5,6 +5,7 @@ use crate::geometry::{Mesh, Part};
 use crate::math::arc_tangent::arc_tangent2;
 use crate::math::distribution::AliasTable;
 use crate::math::float::gamma;
+use crate::math::sine::sine_cosine_of_turns;
 use crate::math::{Frame, warp};
 use glam::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, TAU};
@@ -133,8 +134,8 @@ impl Shape {
                 }
             }
             Self::Cylinder { start, frame, length, radius, flip_normals } => {
-                let around = Vec2::from_angle(TAU * u.x);
-                let outward = frame.tangent * around.x + frame.bitangent * around.y;
+                let (sine, cosine) = sine_cosine_of_turns(u.x);
+                let outward = frame.tangent * cosine + frame.bitangent * sine;
                 SurfacePoint {
                     position: *start + outward * *radius + frame.normal * (*length * u.y),
                     normal: if *flip_normals { -outward } else { outward },
