@@ -69,7 +69,13 @@ impl AreaEmitter {
             && let Some(cone) = Cone::to_sphere(from, center, radius)
         {
             // From outside only a sphere with outward normals shines.
-            return if flip_normals { None } else { self.sample_cone(&cone, radius, u) };
+            if flip_normals {
+                return None;
+            }
+            // Taken apart, what other shapes give stays in registers.
+            let EmitterSample { direction, distance, radiance, pdf, is_delta } =
+                self.sample_cone(&cone, radius, u);
+            return Some(EmitterSample { direction, distance, radiance, pdf, is_delta });
         }
         let point = self.shape.sample(triangle, u)?;
         let to_point = point.position - from;
@@ -128,14 +134,17 @@ impl AreaEmitter {
         to_solid_angle(self.pdf_area, distance, cosine)
     }
 
-    fn sample_cone(&self, cone: &Cone, radius: f32, u: Vec2) -> Option<EmitterSample> {
+    fn sample_cone(&self, cone: &Cone, radius: f32, u: Vec2) -> EmitterSample {
         let local = warp::square_to_cone(u, cone.cap);
         let direction = Frame::from_normal(cone.axis).to_world(local);
         // The nearer intersection; at the cone's rim rounding may miss the sphere by a hair.
         let sine_squared = local.truncate().length_squared();
         let half_chord =
             (radius * radius - cone.distance * cone.distance * sine_squared).max(0.0).sqrt();
-        let distance = cone.distance * local.z - half_chord;
+        // The product of the distances of both intersections over the farther one: the difference of the middle and half the
+        // chord, next to the surface, would be a difference of equals.
+        let farther = cone.distance * local.z + half_chord;
+        let distance = (cone.distance - radius) * ((cone.distance + radius) / farther);
         let radiance = match &self.radiance {
             Radiance::Uniform(colour) => *colour,
             Radiance::Textured(texture) => {
@@ -143,7 +152,7 @@ impl AreaEmitter {
                 texture.eval(sphere_uv(from_center.normalize_or(-cone.axis)))
             }
         };
-        Some(EmitterSample { direction, distance, radiance, pdf: cone.pdf, is_delta: false })
+        EmitterSample { direction, distance, radiance, pdf: cone.pdf, is_delta: false }
     }
 }
 

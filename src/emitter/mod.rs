@@ -168,12 +168,14 @@ impl Emitters {
     pub fn sample(&self, from: Vec3, selection: f32, u: Vec2) -> Option<EmitterSample> {
         let choice = self.selection.as_ref()?.sample(selection);
         let mut sample = match &self.sources[choice.index] {
-            Source::Area(area) => area.sample(from, choice.remainder, u),
-            Source::Point(point) => point.sample(from),
-            Source::Spot(spot) => spot.sample(from),
-            Source::Directional(directional) => Some(directional.sample()),
-            Source::Environment(environment) => environment.sample(u),
-        }?;
+            Source::Area(area) => area.sample(from, choice.remainder, u)?,
+            // Taken apart, what area emitters give stays in registers.
+            other => {
+                let EmitterSample { direction, distance, radiance, pdf, is_delta } =
+                    other.sample_others(from, u)?;
+                EmitterSample { direction, distance, radiance, pdf, is_delta }
+            }
+        };
         sample.pdf *= choice.pmf;
         // A density that single precision cannot hold comes from points nearer than about 1e-19, or seen edge-on.
         (!sample.radiance.is_black() && sample.pdf > 0.0 && sample.pdf.is_finite())
@@ -298,6 +300,17 @@ impl Source {
                 Self::Directional(Directional::new(direction, irradiance))
             }
             Emitter::Environment(environment) => Self::Environment(environment),
+        }
+    }
+
+    /// [`Emitters::sample`] of all sources but area emitters, without the choice.
+    fn sample_others(&self, from: Vec3, u: Vec2) -> Option<EmitterSample> {
+        match self {
+            Self::Area(_) => None,
+            Self::Point(point) => point.sample(from),
+            Self::Spot(spot) => spot.sample(from),
+            Self::Directional(directional) => Some(directional.sample()),
+            Self::Environment(environment) => environment.sample(u),
         }
     }
 

@@ -111,13 +111,13 @@ impl Shape {
 /// Solved from the point nearest to the centre, because far away the usual discriminant is a difference of huge numbers
 /// (Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection").
 fn circle_roots(origin: DVec3, direction: DVec3, radius: f64) -> Option<[f64; 2]> {
-    let length_squared = direction.length_squared();
-    let middle = -origin.dot(direction) / length_squared;
+    let reciprocal = 1.0 / direction.length_squared();
+    let middle = -origin.dot(direction) * reciprocal;
     let nearest = origin + direction * middle;
-    let half_squared = (radius - nearest.length()) * (radius + nearest.length());
+    let half_squared = radius * radius - nearest.length_squared();
     // Neither where the line passes by, nor where there is no line.
     (half_squared >= 0.0).then(|| {
-        let half = (half_squared / length_squared).sqrt();
+        let half = (half_squared * reciprocal).sqrt();
         [middle - half, middle + half]
     })
 }
