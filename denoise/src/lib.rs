@@ -11,6 +11,7 @@ mod exposure;
 pub mod exr;
 pub mod kpcn;
 pub mod layers;
+mod logarithm;
 pub mod metrics;
 pub mod picture;
 pub mod png;

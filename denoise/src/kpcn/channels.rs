@@ -11,6 +11,7 @@ use super::network::Branch;
 use super::tile::{Tile, reflect};
 use super::transform::logarithm;
 use crate::layers::LayerKind;
+use crate::logarithm::{ln_1p, ln_or_nan, replace};
 
 /// Of the kernel pyramid; `l = ln(1 + max(s, 0))` of the branch's signal `s`.
 pub const PYRAMID: [&str; 22] = [
@@ -86,18 +87,19 @@ const LARGEST_VARIANCE: f32 = 1e4;
 pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &mut Vec<f32>) {
     let Some(light) = buffers.light(branch) else { return };
     let modulation = buffers.modulation(branch, buffers.exposure);
-    let log = Margin::new(buffers.width, tile, |channel: usize, pixel| {
-        logarithm(light.mean(channel)[pixel] * modulation.to_signal(channel, pixel))
+    let mut log = Margin::new(buffers.width, tile, |channel: usize, pixel| {
+        light.mean(channel)[pixel] * modulation.to_signal(channel, pixel)
     });
+    log.replace(logarithm);
     let normal = buffers.planes(LayerKind::Normal);
     let albedo = buffers.planes(LayerKind::Albedo);
     let depth = buffers.planes(LayerKind::Depth);
     // NaN where the depth is not known.
     let log_depth = depth.map(|depth| {
         let depth = depth.mean(0);
-        Margin::<1>::new(buffers.width, tile, |_, pixel| {
-            if depth[pixel] > 0.0 { depth[pixel].ln() } else { f32::NAN }
-        })
+        let mut log_depth = Margin::<1>::new(buffers.width, tile, |_, pixel| depth[pixel]);
+        log_depth.replace(ln_or_nan);
+        log_depth
     });
     fill(tile, 2, out, |y, channels: [&mut [f32]; 22]| {
         let [l0, l1, l2, x0, x1, x2, y0, y1, y2, noise, log_noise, rest @ ..] = channels;
@@ -107,9 +109,8 @@ pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &
         let row = start..start + tile.columns.len();
 
         log_deviation(light, modulation, row.clone(), noise);
-        for (log_noise, noise) in log_noise.iter_mut().zip(noise.iter()) {
-            *log_noise = ((noise * noise + 1e-8).ln() + 9.0) / 9.0;
-        }
+        log_noise.copy_from_slice(noise);
+        replace(log_noise, log_of_deviation);
         for (planes, [x, y, z], noise) in
             [(normal, [n0, n1, n2], normal_noise), (albedo, [a0, a1, a2], albedo_noise)]
         {
@@ -193,6 +194,14 @@ pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &m
             at_most(depth_noise);
         }
     });
+}
+
+/// `(ln(σ² + 1e-8) + 9) / 9`: −1 to 1 over what there is.
+#[inline(always)]
+fn log_of_deviation(deviation: f32) -> f32 {
+    // The logarithm of 1e-8.
+    const LEAST: f32 = -18.420_681;
+    (ln_1p(deviation * deviation * 1e8) + LEAST + 9.0) / 9.0
 }
 
 /// Standard deviation of `ln(1 + max(s, 0))` by the delta method, `√mean(σ²/(1 + max(s, 0))²)`, at most
@@ -297,6 +306,11 @@ impl<const N: usize> Margin<N> {
             }
         });
         Self { values, has, stride, width: own_width }
+    }
+
+    /// Replaces all values by a function of them.
+    fn replace(&mut self, function: impl Fn(f32) -> f32 + Sync) {
+        self.values.par_chunks_mut(N * self.stride).for_each(|rows| replace(rows, &function));
     }
 
     /// One channel in row `y` of the tile, with the column before it where there is one.

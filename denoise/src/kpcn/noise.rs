@@ -4,48 +4,55 @@
 //! and corrected by the halves where they were added up) and are in every file, so that a picture is denoised to the
 //! same bits whether its halves were written or not.
 
+use rayon::prelude::*;
+
 use super::buffers::{Buffers, Planes};
 use super::network::Branch;
 use crate::layers::LayerKind;
 
-/// Draws the noise of the two branches in each pixel.
-pub(super) struct Noise<'a> {
-    buffers: &'a Buffers<'a>,
-    /// Beauty, diffuse and specular light, where all are there.
-    split: Option<[Planes<'a>; 3]>,
+/// The noise of the two branches in each pixel: its signs.
+pub(super) struct Noise {
+    /// Whether that of the diffuse and of the specular branch is negative. They are asked for several times.
+    is_negative: Vec<[bool; 2]>,
 }
 
-impl<'a> Noise<'a> {
-    pub(super) fn new(buffers: &'a Buffers<'a>) -> Self {
-        let beauty = buffers.planes(LayerKind::Beauty);
+impl Noise {
+    /// Draws the signs of the noise, the same for all channels, by the index that a pixel has before any turning and nothing
+    /// else. The branches' agree as often as the correlation of the two says,
+    /// `ρ = Σ (σ²_beauty − σ²_d − σ²_s) / (2 Σ σ_d σ_s)`, so that their sum has the variance of the beauty layer.
+    pub(super) fn new(buffers: &Buffers<'_>) -> Self {
         let light = |branch| buffers.light(branch);
         let both = light(Branch::Diffuse).zip(light(Branch::Specular));
-        Self { buffers, split: beauty.zip(both).map(|(beauty, (d, s))| [beauty, d, s]) }
+        let split =
+            buffers.planes(LayerKind::Beauty).zip(both).map(|(beauty, (d, s))| [beauty, d, s]);
+        let pixels = (0..buffers.width * buffers.height).into_par_iter();
+        let draw = |pixel: usize| {
+            let random = mix(buffers.source(pixel) as u64);
+            let diffuse = random & 1 == 1;
+            let uniform = (random >> 40) as f32 / (1_u32 << 24) as f32;
+            let correlation = split.map_or(0.0, |split| correlation(split, pixel));
+            let agree = uniform < 0.5 * (1.0 + correlation);
+            [diffuse, diffuse == agree]
+        };
+        Self { is_negative: pixels.map(draw).collect() }
     }
 
-    /// Signs of the noise of the diffuse and of the specular branch in a pixel, the same for all channels, by the index
-    /// that the pixel has before any turning and nothing else. They agree as often as the correlation of the two says,
-    /// `ρ = Σ (σ²_beauty − σ²_d − σ²_s) / (2 Σ σ_d σ_s)`, so that their sum has the variance of the beauty layer.
+    /// Signs of the noise of the diffuse and of the specular branch in a pixel.
+    #[inline(always)]
     pub(super) fn signs(&self, pixel: usize) -> [f32; 2] {
-        let random = mix(self.buffers.source(pixel) as u64);
-        let sign = |is_negative: bool| if is_negative { -1.0 } else { 1.0 };
-        let diffuse = sign(random & 1 == 1);
-        let uniform = (random >> 40) as f32 / (1_u32 << 24) as f32;
-        let agree = uniform < 0.5 * (1.0 + self.correlation(pixel));
-        [diffuse, if agree { diffuse } else { -diffuse }]
+        self.is_negative[pixel].map(|is_negative| if is_negative { -1.0 } else { 1.0 })
     }
+}
 
-    /// Of the diffuse and the specular light of a pixel; 0 where it is not known.
-    fn correlation(&self, pixel: usize) -> f32 {
-        let Some(split) = self.split else { return 0.0 };
-        let (mut both, mut product) = (0.0, 0.0);
-        for channel in 0..3 {
-            let [beauty, diffuse, specular] = split.map(|light| light.variance(channel)[pixel]);
-            both += beauty - diffuse - specular;
-            product += diffuse.sqrt() * specular.sqrt();
-        }
-        if product > 0.0 { (both / (2.0 * product)).clamp(-1.0, 1.0) } else { 0.0 }
+/// Of the diffuse and the specular light of a pixel, from the variances of both together and of each.
+fn correlation(split: [Planes<'_>; 3], pixel: usize) -> f32 {
+    let (mut both, mut product) = (0.0, 0.0);
+    for channel in 0..3 {
+        let [beauty, diffuse, specular] = split.map(|light| light.variance(channel)[pixel]);
+        both += beauty - diffuse - specular;
+        product += diffuse.sqrt() * specular.sqrt();
     }
+    if product > 0.0 { (both / (2.0 * product)).clamp(-1.0, 1.0) } else { 0.0 }
 }
 
 /// Scrambles the bits of a number (the finaliser of `SplitMix64`; Steele, Lea and Flood 2014).

@@ -19,7 +19,7 @@ pub(super) const WITHOUT_NOISE: usize = 3;
 /// The picture that is being denoised.
 pub(super) struct Picture<'a> {
     pub(super) buffers: &'a Buffers<'a>,
-    noise: Option<Noise<'a>>,
+    noise: Option<Noise>,
     /// What has been denoised: light and, where it is known, filtered noise; `[height, channels, width]`.
     values: Vec<f32>,
 }
@@ -178,7 +178,7 @@ impl<'a> Picture<'a> {
 /// The light of a branch and the domain in which its kernels work.
 struct Part<'a> {
     light: Planes<'a>,
-    noise: Option<&'a Noise<'a>>,
+    noise: Option<&'a Noise>,
     branch: Branch,
     domain: Domain<'a>,
 }
@@ -196,7 +196,7 @@ impl<'a> Part<'a> {
     /// `None` where the picture has no such branch.
     fn new(
         buffers: &'a Buffers<'a>,
-        noise: Option<&'a Noise<'a>>,
+        noise: Option<&'a Noise>,
         branch: Branch,
         kind: Kind,
     ) -> Option<Self> {

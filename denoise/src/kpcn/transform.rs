@@ -3,6 +3,8 @@
 //! The picture is split in two branches: the diffuse radiance with the albedo divided out, which leaves irradiance nearly
 //! free of texture, and the rest. The *same noisy albedo* is divided out before and multiplied back after.
 
+use crate::logarithm::ln_1p;
+
 /// Added to the albedo, so that black surfaces do not divide by zero. (The paper's constant.)
 pub const EPSILON: f32 = 0.00316;
 
@@ -26,7 +28,7 @@ pub(super) fn remodulation(albedo: f32, exposure: f32) -> f32 {
 /// `ln(1 + max(c, 0))`.
 #[inline(always)]
 pub(super) fn logarithm(value: f32) -> f32 {
-    value.max(0.0).ln_1p()
+    ln_1p(value)
 }
 
 /// Specular radiance of a log-specular signal, the inverse of [`logarithm`].
