@@ -4,7 +4,7 @@
 //!
 //! In order: take the layers and make them safe (`buffers`); for each tile and branch, make the network's channels
 //! (`channels`, `transform`), run it (`network`), apply its kernels (`pyramid` or `kernel`); put the branches
-//! together, and for the highest quality the mean over the picture in all orientations (`orientation`); mix with the
+//! together, and for the highest quality the mean over the picture in six orientations (`orientation`); mix with the
 //! noisy picture where filtering harms ([`blend`](crate::blend)). A branch without light does not run.
 
 mod buffers;
@@ -46,6 +46,10 @@ use crate::blend::Fractions;
 use crate::error::Error;
 use crate::layers::{Image, LayerKind, Layers};
 use crate::sanitize::Sanitised;
+
+/// Orientations of the highest quality. With all eight, relative L2 was another half percent lower (30 views that no network
+/// had seen), 1 − SSIM the same, at a third more time.
+const HIGH: usize = 6;
 
 /// A pair of networks, one for each branch.
 #[derive(Clone, Debug)]
@@ -96,7 +100,7 @@ impl Denoiser {
     pub fn embedded(quality: Quality) -> Result<Self, Error> {
         let [diffuse, specular] = Branch::ALL.map(|branch| Model::embedded(quality, branch));
         let orientations = match quality {
-            Quality::High => &orientation::ALL[..],
+            Quality::High => &orientation::ALL[..HIGH],
             Quality::Fast | Quality::Balanced => &orientation::ALL[..1],
         };
         Ok(Self { models: [diffuse?, specular?], orientations, mixes: true })

@@ -19,7 +19,7 @@ pub enum Quality {
     /// About 3 s.
     #[default]
     Balanced,
-    /// The networks of [`Balanced`](Self::Balanced) in eight orientations, hence eight times as much.
+    /// The networks of [`Balanced`](Self::Balanced) in six orientations, hence six times as much.
     High,
 }
 

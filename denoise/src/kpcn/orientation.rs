@@ -1,5 +1,5 @@
 //! The eight symmetries of the square. A network knows no up and no left, but its answer depends on them: the mean of its
-//! answers to a picture seen in all eight ways is nearer the truth than one.
+//! answers to a picture seen in several ways is nearer the truth than one.
 
 use rayon::prelude::*;
 

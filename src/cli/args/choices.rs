@@ -24,7 +24,7 @@ pub(in crate::cli) enum Quality {
     /// About 3 seconds of CPU a megapixel
     #[default]
     Balanced,
-    /// The balanced networks on the picture in eight orientations, and the mean of that: eight times the CPU
+    /// The balanced networks on the picture in six orientations, and the mean of that: six times the CPU
     High,
 }
 
