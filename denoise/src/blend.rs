@@ -31,9 +31,10 @@ use crate::layers::Image;
 use crate::metrics::RELATIVE_L2_EPSILON;
 use crate::window::fold;
 
-/// Radius of the window, passed twice: 29 pixels wide with the shape of a tent. Smaller and the mixture would show the
-/// noise of its own estimate; larger and harm at a small thing would be outweighed by what surrounds it.
-const RADIUS: usize = 7;
+/// Radius of the window, passed twice: 17 pixels wide with the shape of a tent. Smaller and the mixture would show the
+/// noise of its own estimate; larger and harm at a small thing would be outweighed by what surrounds it. On three of our
+/// scenes, 1 to 4096 samples, 4 was better than 7 and 10 from 256 samples on, and as good with fewer.
+const RADIUS: usize = 4;
 
 /// Pixels across one pass of the window.
 const SIDE: f64 = (2 * RADIUS + 1) as f64;
@@ -45,8 +46,9 @@ const ROUNDS: usize = 3;
 const NEARLY_ALL: f32 = 0.95;
 
 /// Standard deviations `c` by which harm must stand out. Less and chance brings noise back; more and a filter that harms
-/// under much noise is left alone.
-const CERTAINTY: f64 = 1.5;
+/// under much noise is left alone. On those scenes 1 was better than 1.5 from 256 samples on and cost up to 2 % at 4; with 0.7
+/// that was 6 %.
+const CERTAINTY: f64 = 1.0;
 
 /// How much of the denoised image there is in the mixture.
 #[derive(Clone, Copy, Debug, PartialEq)]
