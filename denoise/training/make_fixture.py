@@ -2,7 +2,7 @@
 """Writes `denoise/tests/fixtures`: what Rust and Python must both compute from the same numbers.
 
     layers.json     a small layered image with the extremes that matter: no albedo, unknown depth, black, very bright
-    pyramid.json    its network inputs, random logits of the four levels, and the radiance that these make of it
+    pyramid.json    its network inputs, random logits of the five levels, and the radiance that these make of it
     kernel.json     the same for the network of Bako et al. 2017, with kernels of 5×5
     kpcn-unit-BRANCH.onnx, kpcn-unit-kernel-BRANCH.onnx
                     tiny networks of both kinds with random weights
@@ -28,7 +28,7 @@ from quietlight_training.network import SIZE_MULTIPLE
 from quietlight_training.transforms import Buffers
 
 FIXTURES = Path(__file__).resolve().parent.parent / "tests" / "fixtures"
-# Odd on every level: 13, 7, 4, 2 by 11, 6, 3, 2.
+# Levels of 13, 7, 4, 2, 1 by 11, 6, 3, 2, 1.
 WIDTH, HEIGHT = 13, 11
 KERNEL_SIZE = 5
 NETWORKS = {
@@ -107,7 +107,8 @@ def pyramid_fixture(buffers: Buffers, generator: np.random.Generator) -> dict:
                 (4 * kernels.LEVEL_LOGITS, padded[0] // 2, padded[1] // 2),
                 (kernels.LEVEL_LOGITS, padded[0] // 2, padded[1] // 2),
                 (kernels.LEVEL_LOGITS, padded[0] // 4, padded[1] // 4),
-                (kernels.FINE_TAPS, padded[0] // 8, padded[1] // 8),
+                (kernels.LEVEL_LOGITS, padded[0] // 8, padded[1] // 8),
+                (kernels.FINE_TAPS, padded[0] // 16, padded[1] // 16),
             )
         ]
         results[branch] = kernels.apply_pyramid([functional.pixel_shuffle(levels[0], 2), *levels[1:]], signal)

@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("datasets", type=Path, nargs="+", help="folders written by `quietlight dataset`")
     parser.add_argument("output", type=Path, help="folder for the examples")
-    parser.add_argument("--patch-size", type=int, default=96, help="pixels of a side (default 96)")
+    parser.add_argument("--patch-size", type=int, default=112, help="pixels of a side (default 112)")
     parser.add_argument("--candidates", type=int, default=16, help="places tried in a view for a patch (default 16)")
     parser.add_argument("--processes", type=int, default=2, help="processes (default 2)")
     args = parser.parse_args(arguments)

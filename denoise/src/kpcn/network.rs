@@ -3,7 +3,7 @@
 //! A network yields logits and nothing else, but for the finest level of a pyramid: what they are made of, which `head`
 //! does. What a file of weights must say of itself, in its ONNX metadata: `kind` (`kernel_pyramid` or `kernel`), `branch`
 //! (`diffuse` or `specular`), `tier`, `channels` (the names of the input's channels, with commas between), `epsilon` and
-//! `version` (2). A file that says anything else is refused.
+//! `version` (3). A file that says anything else is refused.
 //!
 //! One environment a process; a session is made once for each file and number of threads. Sessions have threads of their
 //! own: [`Network::run`] must be called outside of rayon's workers, which would wait for it with nothing to do.
@@ -25,7 +25,7 @@ use super::transform::EPSILON;
 use crate::error::Error;
 
 /// The one version of the files' metadata.
-const VERSION: &str = "2";
+const VERSION: &str = "3";
 
 /// Which part of the light a network is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -52,7 +52,7 @@ impl Branch {
 /// What a network predicts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Kernels of a pyramid of four levels (`pyramid`).
+    /// Kernels of a pyramid of five levels (`pyramid`).
     KernelPyramid,
     /// One kernel of `size`×`size` taps a pixel (`kernel`).
     Kernel {
@@ -76,7 +76,7 @@ impl Kind {
         let image =
             |name, channels, halvings| Tensor { name, shape: Shape::Image { channels, halvings } };
         let Self::KernelPyramid = self else { return vec![image("logits", features, 0)] };
-        let levels = ["level1", "level2", "level3"].into_iter().zip(OUTPUTS);
+        let levels = ["level1", "level2", "level3", "level4"].into_iter().zip(OUTPUTS);
         let mut outputs = vec![image("half", features, 1)];
         outputs.extend(levels.map(|(name, (channels, halvings))| image(name, channels, halvings)));
         let constant = |name, sides| Tensor { name, shape: Shape::Constant(sides) };

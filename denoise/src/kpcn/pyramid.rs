@@ -1,11 +1,11 @@
-//! Kernels of a pyramid of four levels: every pixel of the result is a convex combination of pixels of the input, near
+//! Kernels of a pyramid of five levels: every pixel of the result is a convex combination of pixels of the input, near
 //! and far.
 //!
 //! Level `l` has 2^−l of the resolution, sizes rounded up. With the signal `s_0 = s`:
 //!
 //! ```text
 //! s_{l+1}(P) = Σ_{p in the 2×2 cell of P} softmax(z_down(p)) s_l(p)
-//! o_3(p)     = Σ_{5×5} k s_3
+//! o_4(p)     = Σ_{5×5} k s_4
 //! o_l(p)     = Σ_{5×5 around p} k s_l + Σ_{3×3 around ⌊p/2⌋} k' o_{l+1}      one softmax over all 34 logits
 //! ```
 //!
@@ -22,7 +22,7 @@ use super::tile::Grid;
 use crate::exp::exp_negative;
 
 /// Levels of the pyramid.
-pub(super) const LEVELS: usize = 4;
+pub(super) const LEVELS: usize = 5;
 
 /// Taps on a pixel's own level: row-major, dy from −2 to 2, then dx.
 const FINE: usize = 5;
@@ -40,17 +40,18 @@ pub const FINEST_OUTPUTS: usize = 4 * (DOWN + 1);
 
 /// What the network gives for the coarser levels: channels, and the binary logarithm of how much smaller than the picture
 /// they are.
-pub const OUTPUTS: [(usize, usize); LEVELS - 1] = [(DOWN + 1, 1), (DOWN + 1, 2), (FINE * FINE, 3)];
+pub const OUTPUTS: [(usize, usize); LEVELS - 1] =
+    [(DOWN + 1, 1), (DOWN + 1, 2), (DOWN + 1, 3), (FINE * FINE, 4)];
 
 /// How tiles are cut. The network halves the picture and pools three times, hence the multiple of 16.
 ///
-/// What a pixel depends on: the kernels reach 32 pixels, the last of them on level 3 (`⌊p/2⌋ − 1` three times, then two
-/// of its pixels, each of 8), where they need the weights of the way down; those logits see another 92 pixels: two 3×3
-/// convolutions at 1/2, 1/4, 1/8 and 1/16 and back, `2·(2+4+8+16+8+4+2) + 4 = 92` with what pooling adds. 124 in all.
+/// What a pixel depends on: the kernels reach 64 pixels, the last of them on level 4 (`⌊p/2⌋ − 1` four times, then two
+/// of its pixels, each of 16), where they need the weights of the way down; those logits see another 92 pixels: two 3×3
+/// convolutions at 1/2, 1/4, 1/8 and 1/16 and back, `2·(2+4+8+16+8+4+2) + 4 = 92` with what pooling adds. 156 in all.
 ///
-/// A pixel of a tile takes 550 bytes with 64 features (onnxruntime's, its input and output, the signals). Tiles of 1.3
-/// megapixels instead would save 8 % of the time at 2048×2048, where less is read twice, for another 0.24 GB.
-pub(super) const GRID: Grid = Grid { multiple: 16, overlap: 128, most_pixels: 1 << 20 };
+/// A pixel of a tile takes 550 bytes with 64 features (onnxruntime's, its input and output, the signals): 0.9 GB at most.
+/// Tiles of one megapixel instead would take 20 % more time at 2048×2048, where more is read twice.
+pub(super) const GRID: Grid = Grid { multiple: 16, overlap: 160, most_pixels: 3 << 19 };
 
 /// Filters the `C` channels of `signal`, `[height, C, width]`, by what the network gives for a picture of the size
 /// `padded`: features at half the resolution, `[inputs, padded / 2]`, the logits of the coarser levels as in [`OUTPUTS`], and

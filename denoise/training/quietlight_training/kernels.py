@@ -1,6 +1,6 @@
 """Applying predicted kernels: every output pixel is a convex combination of input pixels.
 
-Two kinds. A single kernel of `size`×`size` taps (Bako et al. 2017), and a pyramid of four levels whose kernels and
+Two kinds. A single kernel of `size`×`size` taps (Bako et al. 2017), and a pyramid of five levels whose kernels and
 whose partition among the levels are softmaxes, so that the combination stays convex over all of them (the multi-scale
 reconstruction of Vogels et al. 2018 can overshoot; EVIDENCE 6). Gradients are in closed form (METHODS 10.3):
 
@@ -16,7 +16,7 @@ from torch import Tensor
 from torch.nn import functional
 
 # Levels of the pyramid; level l has 2^−l of the resolution.
-LEVELS = 4
+LEVELS = 5
 # Taps of a pixel on its own level: 5×5, row-major, dy from −2 to 2, then dx.
 FINE_TAPS = 25
 # Taps of a pixel on the next coarser level: 3×3 around ⌊p/2⌋, row-major.
@@ -154,9 +154,9 @@ def down(weight_logits: Tensor, image: Tensor) -> Tensor:
 
 
 def apply_pyramid(levels: list[Tensor], image: Tensor) -> Tensor:
-    """Filters `image` `[batch, C, h, w]` by the logits of the four levels.
+    """Filters `image` `[batch, C, h, w]` by the logits of the five levels.
 
-    `levels[l]` is `[batch, 35, H_l, W_l]`, the last `[batch, 25, H_3, W_3]`, each at least as large as its level
+    `levels[l]` is `[batch, 35, H_l, W_l]`, the last `[batch, 25, H_4, W_4]`, each at least as large as its level
     rounded up to even; the rest is the padding of the network's input and is not read.
     """
     images = [image]

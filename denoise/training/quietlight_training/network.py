@@ -1,6 +1,6 @@
 """The networks that predict kernels. They yield logits only; softmax and kernels are `kernels`, in Rust `kpcn::kernel`.
 
-- [`PyramidNetwork`]: a U-Net on the four-level kernel pyramid; its widths make the tiers.
+- [`PyramidNetwork`]: a U-Net on the five-level kernel pyramid; its widths make the tiers.
 - [`KernelNetwork`]: the plain stack of Bako et al. 2017, section 5.1: 9 layers of 5×5×100, kernels of 21×21.
 """
 
@@ -40,10 +40,10 @@ class PyramidNetwork(nn.Module):
 
     The input is the 22 channels by space-to-depth, `[batch, 88, H/2, W/2]`: channel `4 c + 2 dy + dx` of the
     half-sized pixel P is channel c of pixel `2 P + (dx, dy)`. `level0` `[batch, 140, H/2, W/2]` spreads its 35
-    logits a pixel in the same way; `level1` is `[batch, 35, H/2, W/2]`, `level2` `[batch, 35, H/4, W/4]`, `level3`
-    `[batch, 25, H/8, W/8]`. The shuffles are left to the caller because in onnxruntime they took two thirds of the
-    time of a small network, and so is the head of `level0` where onnxruntime runs the rest (`onnx_model`): its 140
-    channels took half of the memory.
+    logits a pixel in the same way; `level1` is `[batch, 35, H/2, W/2]`, `level2` and `level3` as much at 1/4 and 1/8,
+    `level4` `[batch, 25, H/16, W/16]`. The shuffles are left to the caller because in onnxruntime they took two
+    thirds of the time of a small network, and so is the head of `level0` where onnxruntime runs the rest
+    (`onnx_model`): its 140 channels took half of the memory.
 
     The encoder has the `widths` at 1/2, 1/4, 1/8 and 1/16 of the resolution.
     """
@@ -61,7 +61,8 @@ class PyramidNetwork(nn.Module):
                 nn.Conv2d(w0, 4 * LEVEL_LOGITS, 1),
                 nn.Conv2d(w0, LEVEL_LOGITS, 1),
                 nn.Conv2d(w1, LEVEL_LOGITS, 1),
-                nn.Conv2d(w2, FINE_TAPS, 1),
+                nn.Conv2d(w2, LEVEL_LOGITS, 1),
+                nn.Conv2d(w3, FINE_TAPS, 1),
             )
         )
         self.apply(_initialise)
@@ -72,9 +73,9 @@ class PyramidNetwork(nn.Module):
             bias = _mild_bias()
             # Channel 4 c + k is logit c of pixel k of the four.
             self.heads[0].bias.copy_(bias.repeat_interleave(4))
-            self.heads[1].bias.copy_(bias)
-            self.heads[2].bias.copy_(bias)
-            self.heads[3].bias.copy_(bias[:FINE_TAPS])
+            for head in self.heads[1:-1]:
+                head.bias.copy_(bias)
+            self.heads[-1].bias.copy_(bias[:FINE_TAPS])
 
     def widen(self, narrow: "PyramidNetwork"):
         """Starts from a narrower network, and computes what it does: the first channels take its weights; the others
@@ -102,24 +103,24 @@ class PyramidNetwork(nn.Module):
             layers += [(first, groups), (second, (second.in_channels,))]
         return layers + [(head, (head.in_channels,)) for head in self.heads]
 
-    def forward(self, channels: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def forward(self, channels: Tensor) -> tuple[Tensor, ...]:
         half, *others = self.all_but_finest(channels)
         return self.heads[0](half), *others
 
-    def all_but_finest(self, channels: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def all_but_finest(self, channels: Tensor) -> tuple[Tensor, ...]:
         """What `forward` gives, but for `level0` the features `[batch, widths[0], H/2, W/2]` that its head is given."""
         features = channels
         skips = []
         for level, block in enumerate(self.encoder):
             features = block(functional.max_pool2d(features, 2) if level else features)
             skips.append(features)
-        decoded = []
+        decoded = [features]
         for block, skip in zip(self.decoder, skips[-2::-1], strict=True):
             upsampled = functional.interpolate(features, scale_factor=2, mode="nearest")
             features = block(torch.cat((upsampled, skip), 1))
             decoded.append(features)
-        eighth, quarter, half = decoded
-        return half, self.heads[1](half), self.heads[2](quarter), self.heads[3](eighth)
+        half = decoded[-1]
+        return half, *(head(features) for head, features in zip(self.heads[1:], reversed(decoded), strict=True))
 
 
 class KernelNetwork(nn.Module):

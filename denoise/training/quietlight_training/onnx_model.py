@@ -4,7 +4,7 @@ Input `input`, float32: `[1, 88, height/2, width/2]` for a kernel pyramid, `[1, 
 whose output is `logits`; see `network`. Height and width are free (multiples of 16 for the pyramid).
 
 A pyramid's outputs are `half`, the features `[1, w0, height/2, width/2]` of which `level0` is a 1×1 convolution,
-`level1` … `level3`, and that convolution's `level0.weight` `[140, w0]` and `level0.bias` `[140]`, constants. Who runs
+`level1` … `level4`, and that convolution's `level0.weight` `[140, w0]` and `level0.bias` `[140]`, constants. Who runs
 the file computes `level0` itself: the renderer a row at a time, so that its 140 channels are never in memory, and
 [`logits`] here.
 """
@@ -27,11 +27,10 @@ from quietlight_training.network import PyramidNetwork
 from quietlight_training.transforms import EPSILON
 
 OPSET = 18
-VERSION = "2"
-
+VERSION = "3"
 
 # Outputs of a pyramid that are images, then those that are constants.
-PYRAMID_IMAGES = ("half", "level1", "level2", "level3")
+PYRAMID_IMAGES = ("half", "level1", "level2", "level3", "level4")
 FINEST_HEAD = ("level0.weight", "level0.bias")
 
 

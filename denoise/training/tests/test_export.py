@@ -71,11 +71,11 @@ def test_the_files_say_what_they_are(network, tmp_path):
             "tier": "fast",
             "channels": ",".join(names),
             "epsilon": "0.00316",
-            "version": "2",
+            "version": "3",
         }
         outputs = {output.name: output.shape for output in session.get_outputs()}
         if is_pyramid:
-            assert list(outputs) == ["half", "level1", "level2", "level3", "level0.weight", "level0.bias"]
+            assert list(outputs) == ["half", "level1", "level2", "level3", "level4", "level0.weight", "level0.bias"]
             assert (outputs["half"][:2], outputs["level0.weight"], outputs["level0.bias"]) == ([1, 8], [140, 8], [140])
         else:
             assert list(outputs) == ["logits"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from quietlight_training.kernels import LEVEL_LOGITS, apply_kernel, apply_pyramid, down, halved
+from quietlight_training.kernels import LEVEL_LOGITS, LEVELS, apply_kernel, apply_pyramid, down, halved
 
 SIZES = [(16, 16), (11, 13), (5, 3), (1, 1)]
 CENTRE = 12
@@ -15,8 +15,8 @@ def padded(size: int) -> int:
 
 
 def random_levels(height: int, width: int, scale: float = 3.0, batch: int = 1) -> list[torch.Tensor]:
-    """Logits of the four levels for an image that a network has got padded to multiples of 16."""
-    channels = (LEVEL_LOGITS, LEVEL_LOGITS, LEVEL_LOGITS, 25)
+    """Logits of the five levels for an image that a network has got padded to multiples of 16."""
+    channels = (*[LEVEL_LOGITS] * (LEVELS - 1), 25)
     return [
         scale * torch.randn(batch, count, padded(height) >> level, padded(width) >> level, dtype=torch.float64)
         for level, count in enumerate(channels)
@@ -141,7 +141,7 @@ def test_pixels_outside_an_odd_image_have_no_weight_in_the_coarser_level():
 def test_the_gradients_of_the_pyramid_are_those_of_finite_differences(height, width, fast):
     # The full Jacobian of a tiny image (no more padding than is read), random projections of that of a larger one.
     sizes = [(height, width)]
-    for _ in range(3):
+    for _ in range(LEVELS - 1):
         sizes.append(tuple(map(halved, sizes[-1])))
     levels = [
         level[..., : 2 * halved(rows), : 2 * halved(columns)].clone().requires_grad_()

@@ -7,7 +7,7 @@ use crate::kpcn::{kernel, softmax};
 /// Sizes with odd and tiny levels, and one wider than two blocks.
 const SIZES: [[usize; 2]; 7] = [[1, 1], [1, 9], [7, 1], [2, 2], [13, 11], [16, 16], [19, 77]];
 
-/// Random logits of the four levels, in `±range`.
+/// Random logits of the five levels, in `±range`.
 fn pyramid_logits(random: &mut Random, [height, width]: [usize; 2], range: f32) -> Vec<Vec<f32>> {
     [(FINEST_OUTPUTS, 1)]
         .into_iter()
@@ -19,7 +19,7 @@ fn pyramid_logits(random: &mut Random, [height, width]: [usize; 2], range: f32) 
         .collect()
 }
 
-/// Filters by the logits of the four levels.
+/// Filters by the logits of the five levels.
 pub(super) fn apply_logits<const C: usize>(
     levels: &[Vec<f32>],
     padded: [usize; 2],
@@ -127,24 +127,24 @@ fn a_tap_outside_weighs_nothing_however_large_its_logit() {
 
 #[test]
 fn only_the_coarsest_level_can_be_asked_for() {
-    // Coarse centre taps take all on three levels; then each 8×8 cell is its mean under equal weights on the way down.
-    let size = [16, 24];
-    let padded = [16, 32];
+    // Coarse centre taps take all on four levels; then each 16×16 cell is its mean under equal weights on the way down.
+    let size = [32, 48];
+    let padded = size;
     let signal = Random(6).uniforms(size[0] * size[1], 0.0..1.0);
     let mut levels = pyramid_logits(&mut Random(0), padded, 1e-30);
     // The finest level has four channels for each logit.
     for (logits, (centre, channels, halvings)) in
-        levels.iter_mut().zip([(29, 4, 1), (29, 1, 1), (29, 1, 2), (12, 1, 3)])
+        levels.iter_mut().zip([(29, 4, 1), (29, 1, 1), (29, 1, 2), (29, 1, 3), (12, 1, 4)])
     {
         let count = channels * (padded[0] >> halvings) * (padded[1] >> halvings);
         logits[centre * count..][..count].fill(300.0);
     }
     let result = apply_logits::<1>(&levels, padded, size, &signal);
-    for (y, x) in (0..16).flat_map(|y| (0..24).map(move |x| (y, x))) {
-        let (row, column) = (y / 8 * 8, x / 8 * 8);
-        let cell = (row..row + 8).flat_map(|y| (column..column + 8).map(move |x| (y, x)));
-        let mean = cell.map(|(y, x)| signal[y * 24 + x]).sum::<f32>() / 64.0;
-        assert!((result[y * 24 + x] - mean).abs() < 1e-5, "({x}, {y})");
+    for (y, x) in (0..32).flat_map(|y| (0..48).map(move |x| (y, x))) {
+        let (row, column) = (y / 16 * 16, x / 16 * 16);
+        let cell = (row..row + 16).flat_map(|y| (column..column + 16).map(move |x| (y, x)));
+        let mean = cell.map(|(y, x)| signal[y * 48 + x]).sum::<f32>() / 256.0;
+        assert!((result[y * 48 + x] - mean).abs() < 1e-5, "({x}, {y})");
     }
 }
 

@@ -59,7 +59,7 @@ fn what_is_no_network_of_ours_is_refused() {
         (patched(whole.clone(), b"diffuse", b"diffuze"), "diffuze"),
         (patched(whole.clone(), b"log.dx.R", b"log.dx.X"), "log.dx.R"),
         (patched(whole.clone(), b"0.00316", b"0.00317"), "0.00317"),
-        (patched(whole.clone(), b"version\x12\x012", b"version\x12\x011"), "'2'"),
+        (patched(whole.clone(), b"version\x12\x013", b"version\x12\x012"), "'3'"),
         (
             patched(whole.clone(), b"level2", b"layer2"),
             "level2: 32-bit floats [1, 35, height, width]",
