@@ -19,6 +19,7 @@ from quietlight_training.batches import PatchSampler
 from quietlight_training.checkpoint import FILE, Checkpoint
 from quietlight_training.config import Config, OptimiserConfig, read_config
 from quietlight_training.denoiser import Denoiser
+from quietlight_training.onnx_model import read_denoiser
 
 # Rows of the log, in steps: frequent enough for a plot, seldom enough for means that say something.
 LOG_STEPS = 50
@@ -29,7 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, required=True, help="TOML file of the run, as in configs/")
     parser.add_argument("--data", type=Path, required=True, help="folder written by preprocess.py")
     parser.add_argument("--output", type=Path, required=True, help="folder of the run; one with a checkpoint goes on")
-    parser.add_argument("--initial", type=Path, help="checkpoint to start from, of this network or a narrower one")
+    parser.add_argument(
+        "--initial",
+        type=Path,
+        help="checkpoint, or ONNX file of either branch, to start from: of this network or a narrower one",
+    )
     parser.add_argument("--minutes", type=float, help="time to train in all, instead of the configured steps")
     parser.add_argument("--steps", type=int, help="steps in all, instead of the configured ones")
     parser.add_argument("--threads", type=int, help="threads (torch's choice if not given)")
@@ -104,7 +109,10 @@ class Training:
             self.optimiser.load_state_dict(checkpoint.optimiser)
             self.step, self.seconds = checkpoint.step, checkpoint.seconds
         elif self.args.initial:
-            self.denoiser.start_from(Checkpoint.load(self.args.initial).denoiser())
+            is_file = self.args.initial.suffix == ".onnx"
+            self.denoiser.start_from(
+                read_denoiser(self.args.initial) if is_file else Checkpoint.load(self.args.initial).denoiser()
+            )
             self.average.load_state_dict(self.denoiser.state_dict())
         if self.rank == 0:
             for name in ("training.csv", "validation.csv"):

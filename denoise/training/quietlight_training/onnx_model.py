@@ -178,6 +178,49 @@ def load_denoiser(paths: dict[str, Path], threads: int = 0) -> Denoiser:
     return denoiser
 
 
+def read_denoiser(path: Path) -> Denoiser:
+    """A trained denoiser of two weight files, of which `path` is either, to go on training. Raises `ValueError` where
+    that is no weight file of ours.
+    """
+    branch = next((branch for branch in BRANCHES if path.stem.endswith(f"-{branch}")), None)
+    if branch is None:
+        raise ValueError(f"{path}: expected a name that ends in -diffuse.onnx or -specular.onnx")
+    tier = path.stem.removesuffix(f"-{branch}")
+    weights = {branch: read_weights(path.with_name(f"{tier}-{branch}.onnx")) for branch in BRANCHES}
+    denoiser = Denoiser(_config_of(weights[branch], path))
+    for branch, values in weights.items():
+        getattr(denoiser, branch).load_state_dict(values)
+    return denoiser
+
+
+def read_weights(path: Path) -> dict[str, Tensor]:
+    """The weights in a file, by their names in the network; those in int8 as the numbers that they stand for."""
+    tensors = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in onnx.load(path).graph.initializer}
+    weights = {}
+    for name, values in tensors.items():
+        stem = name.removesuffix("_quantized").removesuffix(".half")
+        if not stem.endswith((".weight", ".bias")):
+            continue
+        if name.endswith("_quantized"):
+            # Of each channel, and with a zero point of 0.
+            scale = tensors.get(f"{stem}_scale", tensors.get(f"{name}_scale"))
+            values = values * scale.reshape(-1, *[1] * (values.ndim - 1))
+        weights[stem.removeprefix("network.")] = torch.tensor(values, dtype=torch.float32)
+    return weights
+
+
+def _config_of(weights: dict[str, Tensor], path: Path) -> NetworkConfig:
+    """The network that has weights of these shapes."""
+    if "encoder.0.0.weight" in weights:
+        widths = (weights[f"encoder.{level}.2.weight"].shape[0] for level in range(4))
+        return NetworkConfig("kernel_pyramid", widths=tuple(widths))
+    layers = [weight for name, weight in weights.items() if name.endswith(".weight")]
+    if not layers:
+        raise ValueError(f"{path}: no weights of a network of ours")
+    (width, _, filter_size, _), taps = layers[0].shape, round(layers[-1].shape[0] ** 0.5)
+    return NetworkConfig("kernel", depth=len(layers), width=width, filter_size=filter_size, taps=taps)
+
+
 def sha256(path: Path) -> str:
     """Hash of a file, as the renderer checks it."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

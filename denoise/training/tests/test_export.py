@@ -24,8 +24,13 @@ KERNEL = NetworkConfig("kernel", depth=3, width=8, filter_size=3, taps=5)
 KINDS = pytest.mark.parametrize("network", [PYRAMID, KERNEL], ids=["pyramid", "kernel"])
 
 
-def save_checkpoint(network: NetworkConfig, folder) -> Denoiser:
+def save_checkpoint(network: NetworkConfig, folder, bias: float = 0.0) -> Denoiser:
+    """Of random weights. Equal biases, as those of 0, are written once for all layers."""
     denoiser = Denoiser(network)
+    with torch.no_grad():
+        for name, weight in denoiser.named_parameters():
+            if name.endswith(".bias"):
+                weight.add_(bias * torch.rand_like(weight))
     weights = denoiser.state_dict()
     folder.mkdir(exist_ok=True)
     Checkpoint(Config("unit", network), 7, 3600.0, weights, weights, {}, {"data": "/of/a/machine/set"}).save(
@@ -156,6 +161,26 @@ def test_int8_changes_the_logits_little_and_keeps_the_description(data, tmp_path
         logits = torch.cat([level.flatten() for level in denoiser.diffuse(torch.from_numpy(inputs[0]))])
     # 8 bits of the range of each of the nine layers in a row: some percent of the logits' own spread.
     assert 0 < quantise.error(model, denoiser.diffuse, inputs) < 0.1 * logits.std()
+
+
+@KINDS
+@pytest.mark.parametrize("options", [("--full-precision",), (), ("--int8",)], ids=["f32", "f16", "int8"])
+def test_training_starts_from_weight_files_of_every_precision(network, options, data, tmp_path):
+    denoiser = save_checkpoint(network, tmp_path / "run", bias=0.1)
+    options = (*options, "--data", data, "--calibration-images", 2) if "--int8" in options else options
+    assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, *options) == 0
+    started = onnx_model.read_denoiser(tmp_path / "kpcn-unit-specular.onnx")
+    assert started.config == network
+    # Half a step: of float16, to which all are rounded, and of int8.
+    error = (0.0 if "--full-precision" in options else 2**-11) + (1 / 254 if "--int8" in options else 0.0)
+    for name, weight in denoiser.state_dict().items():
+        difference = (started.state_dict()[name] - weight).abs().max()
+        assert difference <= error * weight.abs().max() * 1.001 + 1e-7, name
+
+
+def test_what_is_no_weight_file_is_not_started_from(tmp_path):
+    with pytest.raises(ValueError, match=r"-diffuse\.onnx or -specular\.onnx"):
+        onnx_model.read_denoiser(tmp_path / "weights.onnx")
 
 
 def test_int8_without_data_says_what_it_needs(tmp_path, capsys):
