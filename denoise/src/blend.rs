@@ -29,6 +29,7 @@ use rayon::prelude::*;
 
 use crate::layers::Image;
 use crate::metrics::RELATIVE_L2_EPSILON;
+use crate::simd::{Kernel, vectorise};
 use crate::window::fold;
 
 /// Radius of the window, passed twice: 17 pixels wide with the shape of a tent. Smaller and the mixture would show the
@@ -59,67 +60,85 @@ pub struct Fractions {
     pub mostly_noisy: f64,
 }
 
-/// What is known of a pixel.
-#[derive(Clone, Copy, Debug)]
-pub struct Pixel {
-    /// The noisy colour `x`.
-    pub noisy: [f32; 3],
-    /// The denoised colour `x̂`.
-    pub denoised: [f32; 3],
-    /// A sample `a` of the noise of `x`.
-    pub noise: [f32; 3],
-    /// The same filtered by the weights that denoised the pixel, `K a`.
-    pub filtered_noise: [f32; 3],
+/// Channels of a row of pixels in [`denoised_parts`]: three of colour, then three of a sample of its noise.
+pub const CHANNELS: usize = 6;
+
+/// In each pixel of a row, `d² − a (a − K a)`, `d²` and `4 d² a² + 2 a⁴`, each over its denominator, summed over the channels.
+struct Terms<'a> {
+    /// The colour `x` and its noise `a`, `[CHANNELS, width]`.
+    noisy: &'a [f32],
+    /// Both filtered by the same weights, `x̂` and `K a`.
+    filtered: &'a [f32],
+    /// The part of the denoised colour in what stands for the reference, `[width]`.
+    parts: &'a [f32],
+    /// The three sums. Doubles would be twice the memory to pass through; what overflows a single is not known.
+    out: [&'a mut [f32]; 3],
 }
 
-impl Pixel {
-    /// `d² − a (a − K a)`, `d²` and `4 d² a² + 2 a⁴`, each over its denominator, summed over the channels; `part` is the
-    /// part of the denoised colour in what stands for the reference.
-    #[inline]
-    fn terms(&self, part: f32) -> [f64; 3] {
-        let mut sums = [0.0; 3];
-        for channel in 0..3 {
-            let [x, y, a, filtered] = [self.noisy, self.denoised, self.noise, self.filtered_noise]
-                .map(|colour| f64::from(colour[channel]));
-            let reference = x + f64::from(part) * (y - x);
-            let weight = 1.0 / (reference * reference + RELATIVE_L2_EPSILON);
-            let change = (y - x) * (y - x);
-            let noise = a * a;
-            sums[0] += weight * harm(y - x, a, filtered);
-            sums[1] += weight * change;
-            sums[2] += weight * weight * (4.0 * change * noise + 2.0 * noise * noise);
+impl<'a> Kernel for Terms<'a> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let width = self.parts.len();
+        let planes = |row: &'a [f32]| -> [&'a [f32]; CHANNELS] {
+            std::array::from_fn(|channel| &row[channel * width..][..width])
+        };
+        let (noisy, filtered) = (planes(self.noisy), planes(self.filtered));
+        let [harms, changes, chances] = self.out.map(|plane| &mut plane[..width]);
+        for x in 0..width {
+            let [mut sum, mut change_sum, mut chance] = [0.0; 3];
+            for channel in 0..3 {
+                let at = |plane: &[f32]| f64::from(plane[x]);
+                let (before, after) = (at(noisy[channel]), at(filtered[channel]));
+                let (noise, filtered) = (at(noisy[3 + channel]), at(filtered[3 + channel]));
+                let difference = after - before;
+                let reference = before + at(self.parts) * difference;
+                let weight = 1.0 / (reference * reference + RELATIVE_L2_EPSILON);
+                let (change, noise_squared) = (difference * difference, noise * noise);
+                sum += weight * harm(difference, noise, filtered);
+                change_sum += weight * change;
+                chance += weight
+                    * weight
+                    * (4.0 * change * noise_squared + 2.0 * noise_squared * noise_squared);
+            }
+            [harms[x], changes[x], chances[x]] = [sum, change_sum, chance].map(|sum| sum as f32);
         }
-        sums
     }
 }
 
 /// `d² − a (a − K a)`, of a change `d` and of a sample of the noise before and after the filter. Its mean is the squared
 /// error of the denoised value less its covariance with the error of the noisy one, `E[ê²] − E[e ê]`.
+#[inline(always)]
 fn harm(change: f64, noise: f64, filtered_noise: f64) -> f64 {
     change * change - noise * (noise - filtered_noise)
 }
 
-/// The part `w` of the denoised image in each pixel of an image of that size, in `[0, 1]`; `pixel` tells of a pixel by its
-/// index, row after row.
+/// The part `w` of the denoised image in each pixel, in `[0, 1]`, row after row. `filtered` is the denoised image and the
+/// noise filtered by the same weights, `[height, CHANNELS, width]`; `noisy` is given a row and adds the noisy image and the
+/// sample of its noise there to zeros, `[CHANNELS, width]`.
 pub fn denoised_parts(
+    filtered: &[f32],
     width: usize,
-    height: usize,
-    pixel: impl Fn(usize) -> Pixel + Sync,
+    noisy: impl Fn(usize, &mut [f32]) + Sync,
 ) -> Vec<f32> {
-    let mut parts = vec![1.0_f32; width * height];
+    let pixels = filtered.len() / CHANNELS;
+    let mut parts = vec![1.0_f32; pixels];
+    let mut sums = [(); 3].map(|()| vec![0_f32; pixels]);
     for _ in 0..ROUNDS {
-        // Doubles would be twice the memory to pass through; what overflows a single is not known.
-        let [mut harm, mut change, mut chance] = [(); 3].map(|()| vec![0_f32; width * height]);
+        let [harm, change, chance] = &mut sums;
         let rows = harm.par_chunks_mut(width).zip(change.par_chunks_mut(width));
-        let rows = rows.zip(chance.par_chunks_mut(width)).enumerate();
-        rows.for_each(|(y, ((harm, change), chance))| {
-            for x in 0..width {
-                let index = y * width + x;
-                [harm[x], change[x], chance[x]] =
-                    pixel(index).terms(parts[index]).map(|term| term as f32);
-            }
-        });
-        let [harm, change, chance] = [harm, change, chance].map(|plane| tent(&plane, width));
+        let rows = rows.zip(chance.par_chunks_mut(width)).zip(parts.par_chunks(width));
+        let rows = rows.zip(filtered.par_chunks(CHANNELS * width)).enumerate();
+        rows.for_each_init(
+            || vec![0.0; CHANNELS * width],
+            |memory, (y, ((((harm, change), chance), parts), filtered))| {
+                memory.fill(0.0);
+                noisy(y, memory);
+                vectorise(Terms { noisy: memory, filtered, parts, out: [harm, change, chance] });
+            },
+        );
+        let [harm, change, chance] = sums.each_ref().map(|plane| tent(plane, width));
         parts.par_iter_mut().enumerate().for_each(|(pixel, part)| {
             let sums = [&harm, &change, &chance].map(|plane| f64::from(plane[pixel]));
             *part = denoised_part(sums) as f32;
@@ -282,17 +301,16 @@ mod tests {
     /// Mixes a denoised image with the noisy one.
     fn blend(noisy: &Image, denoised: &mut Image, noise: &Image, filtered: &Image) -> Fractions {
         let (_, height, width) = noisy.dim();
-        let parts = denoised_parts(width, height, |pixel| {
-            let colour = |image: &Image| {
-                [0, 1, 2].map(|channel| image[[channel, pixel / width, pixel % width]])
-            };
-            Pixel {
-                noisy: colour(noisy),
-                denoised: colour(denoised),
-                noise: colour(noise),
-                filtered_noise: colour(filtered),
+        let add = |images: [&Image; 2], y: usize, row: &mut [f32]| {
+            let planes = images.into_iter().flat_map(|image| image.outer_iter());
+            for (out, plane) in row.chunks_mut(width).zip(planes) {
+                out.iter_mut().zip(plane.row(y)).for_each(|(out, value)| *out += value);
             }
-        });
+        };
+        let mut both = vec![0.0; height * CHANNELS * width];
+        let rows = both.chunks_mut(CHANNELS * width).enumerate();
+        rows.for_each(|(y, row)| add([denoised, filtered], y, row));
+        let parts = denoised_parts(&both, width, |y, row| add([noisy, noise], y, row));
         mix(noisy, denoised, &parts)
     }
 

@@ -82,10 +82,10 @@ const LARGEST_DEPTH_STEP: f32 = 2.0;
 /// Variances of the paper's channels are fed as they are; this keeps a firefly from overflowing the first layer.
 const LARGEST_VARIANCE: f32 = 1e4;
 
-/// Writes the channels [`PYRAMID`] of a tile into `out`, by space to depth: `[88, padded height / 2, padded width / 2]`,
+/// The channels [`PYRAMID`] of a tile, by space to depth: `[88, padded height / 2, padded width / 2]`,
 /// channel `4 c + 2 dy + dx` of the half-sized pixel `P` is channel `c` of pixel `2 P + (dx, dy)`.
-pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &mut Vec<f32>) {
-    let Some(light) = buffers.light(branch) else { return };
+pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile) -> Vec<f32> {
+    let Some(light) = buffers.light(branch) else { return Vec::new() };
     let modulation = buffers.modulation(branch, buffers.exposure);
     let mut log = Margin::new(buffers.width, tile, |channel: usize, pixel| {
         light.mean(channel)[pixel] * modulation.to_signal(channel, pixel)
@@ -101,7 +101,7 @@ pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &
         log_depth.replace(ln_or_nan);
         log_depth
     });
-    fill(tile, 2, out, |y, channels: [&mut [f32]; 22]| {
+    fill(tile, 2, |y, channels: [&mut [f32]; 22]| {
         let [l0, l1, l2, x0, x1, x2, y0, y1, y2, noise, log_noise, rest @ ..] = channels;
         let [n0, n1, n2, normal_noise, a0, a1, a2, albedo_noise, zx, zy, depth_noise] = rest;
         log.gradients(y, [l0, l1, l2], [x0, x1, x2], [y0, y1, y2]);
@@ -129,12 +129,12 @@ pub(super) fn pyramid(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &
                 *out = relative.min(LARGEST_FEATURE_DEVIATION);
             }
         }
-    });
+    })
 }
 
-/// Writes the channels [`KERNEL`] of a tile into `out`, `[27, padded height, padded width]`.
-pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &mut Vec<f32>) {
-    let Some(light) = buffers.light(branch) else { return };
+/// The channels [`KERNEL`] of a tile, `[27, padded height, padded width]`.
+pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile) -> Vec<f32> {
+    let Some(light) = buffers.light(branch) else { return Vec::new() };
     let modulation = buffers.modulation(branch, 1.0);
     let width = buffers.width;
     let signal = Margin::new(width, tile, |channel: usize, pixel| {
@@ -155,7 +155,7 @@ pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &m
         let scale = if farthest > 0.0 { farthest } else { 1.0 };
         (planes, scale, Margin::<1>::new(width, tile, |_, pixel| planes.mean(0)[pixel] / scale))
     });
-    fill(tile, 1, out, |y, channels: [&mut [f32]; 27]| {
+    fill(tile, 1, |y, channels: [&mut [f32]; 27]| {
         let [s0, s1, s2, x0, x1, x2, y0, y1, y2, noise, rest @ ..] = channels;
         let [n0, n1, n2, n3, n4, n5, normal_noise, rest @ ..] = rest;
         let [a0, a1, a2, a3, a4, a5, albedo_noise, z0, z1, depth_noise] = rest;
@@ -193,7 +193,7 @@ pub(super) fn kernel(buffers: &Buffers<'_>, branch: Branch, tile: &Tile, out: &m
             }
             at_most(depth_noise);
         }
-    });
+    })
 }
 
 /// `(ln(σ² + 1e-8) + 9) / 9`: −1 to 1 over what there is.
@@ -239,14 +239,12 @@ fn mean_variance(planes: Planes<'_>, row: std::ops::Range<usize>, out: &mut [f32
 fn fill<const N: usize>(
     tile: &Tile,
     block: usize,
-    out: &mut Vec<f32>,
     write: impl Fn(usize, [&mut [f32]; N]) + Sync,
-) {
+) -> Vec<f32> {
     let [padded_height, padded_width] = tile.padded;
     let [height, width] = tile.size();
     let [rows, columns] = [padded_height / block, padded_width / block];
-    out.clear();
-    out.resize(N * padded_height * padded_width, 0.0);
+    let mut out = vec![0.0; N * padded_height * padded_width];
     // One row of each plane of the result.
     let mut planes: Vec<Vec<&mut [f32]>> = (0..rows).map(|_| Vec::new()).collect();
     for plane in out.chunks_mut(rows * columns) {
@@ -277,6 +275,7 @@ fn fill<const N: usize>(
             }
         },
     );
+    out
 }
 
 /// Values of `N` channels over a tile and over the row and the column before it, where the picture has them.

@@ -228,10 +228,9 @@ fn reconstruct<'a>(
     let mut network_time = Duration::ZERO;
     let steps = (tiles.len() * networks.len()) as f32;
     let mut done = 0.0;
-    let mut input = Vec::new();
     for network in networks {
         for tile in tiles {
-            let (filtered, time) = filter_tile(network, &picture, tile, &mut input, threads)?;
+            let (filtered, time) = filter_tile(network, &picture, tile, threads)?;
             network_time += time;
             threads.install(|| picture.add(tile, &filtered));
             done += 1.0;
@@ -248,27 +247,23 @@ fn reconstruct<'a>(
     Ok((picture, network_time))
 }
 
-/// Runs a network over a tile and applies its kernels. Returns the filtered signal and the time in the network. `input` is
-/// memory for the network's channels.
+/// Runs a network over a tile and applies its kernels. Returns the filtered signal and the time in the network.
 fn filter_tile(
     network: &Network,
     picture: &Picture<'_>,
     tile: &Tile,
-    input: &mut Vec<f32>,
     threads: &rayon::ThreadPool,
 ) -> Result<(Filtered, Duration), Error> {
     let (branch, kind) = (network.branch, network.kind);
-    let signal = threads.install(|| {
-        match kind {
-            Kind::KernelPyramid => channels::pyramid(picture.buffers, branch, tile, input),
-            Kind::Kernel { .. } => channels::kernel(picture.buffers, branch, tile, input),
-        }
-        picture.signal(branch, kind, tile)
+    let input = threads.install(|| match kind {
+        Kind::KernelPyramid => channels::pyramid(picture.buffers, branch, tile),
+        Kind::Kernel { .. } => channels::kernel(picture.buffers, branch, tile),
     });
     let start = Instant::now();
     network.run(input, tile.padded, |outputs| {
         let time = start.elapsed();
         let signal = threads.install(|| {
+            let signal = picture.signal(branch, kind, tile);
             if picture.has_noise() {
                 apply::<WITH_NOISE>(kind, outputs, tile, &signal)
             } else {

@@ -272,13 +272,13 @@ impl Network {
     /// [`Error::Inference`] where onnxruntime fails or an output has not the size that follows from the input's.
     pub(super) fn run<T>(
         &self,
-        input: &[f32],
+        input: Vec<f32>,
         size: [usize; 2],
         take: impl FnOnce(&[&[f32]]) -> T,
     ) -> Result<T, Error> {
         let reason = |error: ort::Error| self.failed(error.to_string());
         let shape = self.kind.input().shape.of(size);
-        let tensor = TensorRef::from_array_view((shape, input)).map_err(reason)?;
+        let tensor = TensorRef::from_array_view((shape, input.as_slice())).map_err(reason)?;
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         let session = match &mut *session {
             Some(session) => session,
@@ -289,6 +289,8 @@ impl Network {
             }
         };
         let outputs = session.run(ort::inputs!["input" => tensor]).map_err(reason)?;
+        // A large part of the memory in use.
+        drop(input);
         let mut slices = Vec::new();
         for Tensor { name, shape: expected } in &self.outputs {
             let output =

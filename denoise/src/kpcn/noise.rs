@@ -4,6 +4,8 @@
 //! and corrected by the halves where they were added up) and are in every file, so that a picture is denoised to the
 //! same bits whether its halves were written or not.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::buffers::{Buffers, Planes};
@@ -37,10 +39,11 @@ impl Noise {
         Self { is_negative: pixels.map(draw).collect() }
     }
 
-    /// Signs of the noise of the diffuse and of the specular branch in a pixel.
+    /// Signs of the noise of a branch in some pixels.
     #[inline(always)]
-    pub(super) fn signs(&self, pixel: usize) -> [f32; 2] {
-        self.is_negative[pixel].map(|is_negative| if is_negative { -1.0 } else { 1.0 })
+    pub(super) fn signs(&self, branch: Branch, pixels: Range<usize>) -> impl Iterator<Item = f32> {
+        let of_branch = move |is_negative: &[bool; 2]| is_negative[branch as usize];
+        self.is_negative[pixels].iter().map(move |pair| if of_branch(pair) { -1.0 } else { 1.0 })
     }
 }
 
@@ -84,7 +87,8 @@ mod tests {
             }
             let buffers = Buffers::new(&layers).unwrap();
             let noise = Noise::new(&buffers);
-            let signs: Vec<[f32; 2]> = (0..10_000).map(|pixel| noise.signs(pixel)).collect();
+            let [diffuse, specular] = Branch::ALL.map(|branch| noise.signs(branch, 0..10_000));
+            let signs: Vec<[f32; 2]> = diffuse.zip(specular).map(Into::into).collect();
             let mean = |value: &dyn Fn(&[f32; 2]) -> f32| {
                 signs.iter().map(value).sum::<f32>() / signs.len() as f32
             };

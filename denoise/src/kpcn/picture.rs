@@ -1,5 +1,7 @@
 //! From tiles of signal to the picture: what the kernels are applied to, and what is made of the result.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::buffers::{Buffers, Modulation, Planes};
@@ -7,11 +9,11 @@ use super::network::{Branch, Kind};
 use super::noise::Noise;
 use super::tile::Tile;
 use super::transform::{exponential, logarithm};
-use crate::blend::{Fractions, Pixel, denoised_parts, mix};
+use crate::blend::{self, Fractions, denoised_parts, mix};
 use crate::layers::Image;
 
 /// Channels of a signal: three of light, and three of a sample of its noise where the noise is known.
-pub(super) const WITH_NOISE: usize = 6;
+pub(super) const WITH_NOISE: usize = blend::CHANNELS;
 
 /// Channels of a signal without its noise.
 pub(super) const WITHOUT_NOISE: usize = 3;
@@ -30,9 +32,6 @@ pub(super) struct Filtered {
     pub(super) kind: Kind,
     pub(super) signal: Vec<f32>,
 }
-
-/// Light and noise of one branch in a pixel, of all channels.
-type Light = [[f32; 3]; 2];
 
 impl<'a> Picture<'a> {
     /// Black, until light is added.
@@ -62,12 +61,8 @@ impl<'a> Picture<'a> {
         let mut signal = vec![0.0; height * channels * width];
         signal.par_chunks_mut(channels * width).zip(tile.rows.clone()).for_each(|(row, y)| {
             let start = y * self.buffers.width + tile.columns.start;
-            for (x, pixel) in (start..start + width).enumerate() {
-                let numbers = part.signal(pixel);
-                for (channel, number) in numbers.as_flattened()[..channels].iter().enumerate() {
-                    row[channel * width + x] = *number;
-                }
-            }
+            part.add_light(start..start + width, row);
+            part.to_signal(start..start + width, row);
         });
         signal
     }
@@ -78,20 +73,20 @@ impl<'a> Picture<'a> {
         let (branch, kind) = (filtered.branch, filtered.kind);
         let Some(part) = Part::new(self.buffers, self.noise.as_ref(), branch, kind) else { return };
         let own_width = tile.columns.len();
+        let core = tile.core_columns.clone();
         let rows = self.values.par_chunks_mut(channels * width).enumerate();
-        rows.skip(tile.core_rows.start).take(tile.core_rows.len()).for_each(|(y, row)| {
+        let rows = rows.skip(tile.core_rows.start).take(tile.core_rows.len());
+        rows.for_each_init(Vec::new, |light, (y, row)| {
             let start = (y - tile.rows.start) * channels * own_width;
             let source = &filtered.signal[start..start + channels * own_width];
-            for x in tile.core_columns.clone() {
-                let mut light = Light::default();
-                for (channel, number) in light.as_flattened_mut()[..channels].iter_mut().enumerate()
-                {
-                    *number = source[channel * own_width + x - tile.columns.start];
-                }
-                let light = part.radiance(light, y * width + x);
-                for (channel, number) in light.as_flattened()[..channels].iter().enumerate() {
-                    row[channel * width + x] += number;
-                }
+            light.clear();
+            for channel in source.chunks(own_width) {
+                light.extend_from_slice(&channel[core.start - tile.columns.start..][..core.len()]);
+            }
+            part.to_radiance(y * width + core.start..y * width + core.end, light);
+            for (out, light) in row.chunks_mut(width).zip(light.chunks(core.len())) {
+                let out = out[core.clone()].iter_mut();
+                out.zip(light).for_each(|(out, light)| *out += light);
             }
         });
     }
@@ -101,14 +96,8 @@ impl<'a> Picture<'a> {
         let (channels, width) = (self.channels(), self.buffers.width);
         let kind = Kind::KernelPyramid;
         let Some(part) = Part::new(self.buffers, self.noise.as_ref(), branch, kind) else { return };
-        self.values.par_chunks_mut(channels * width).enumerate().for_each(|(y, row)| {
-            for x in 0..width {
-                let light = part.light(y * width + x);
-                for (channel, number) in light.as_flattened()[..channels].iter().enumerate() {
-                    row[channel * width + x] += number;
-                }
-            }
-        });
+        let rows = self.values.par_chunks_mut(channels * width).enumerate();
+        rows.for_each(|(y, row)| part.add_light(y * width..(y + 1) * width, row));
     }
 
     /// Makes this, so far the mean of `count` pictures, the mean of them and of the same picture denoised in another
@@ -146,29 +135,13 @@ impl<'a> Picture<'a> {
     pub(super) fn finish(self) -> (Image, Option<Fractions>) {
         let mut image = self.denoised();
         let Some(known) = &self.noise else { return (image, None) };
-        let (width, height) = (self.buffers.width, self.buffers.height);
-        let parts: Vec<_> = Branch::ALL
+        let width = self.buffers.width;
+        let lights: Vec<_> = Branch::ALL
             .into_iter()
             .filter_map(|b| Part::new(self.buffers, Some(known), b, Kind::KernelPyramid))
             .collect();
-        let parts = denoised_parts(width, height, |pixel| {
-            let row = &self.values[pixel / width * WITH_NOISE * width..][..WITH_NOISE * width];
-            let number = |channel: usize| row[channel * width + pixel % width];
-            let [mut light, mut noise] = Light::default();
-            let signs = known.signs(pixel);
-            for part in &parts {
-                let [more_light, more_noise] = part.light_of(pixel, signs);
-                for channel in 0..3 {
-                    light[channel] += more_light[channel];
-                    noise[channel] += more_noise[channel];
-                }
-            }
-            Pixel {
-                noisy: light,
-                denoised: [0, 1, 2].map(number),
-                noise,
-                filtered_noise: [3, 4, 5].map(number),
-            }
+        let parts = denoised_parts(&self.values, width, |y, row| {
+            lights.iter().for_each(|light| light.add_light(y * width..(y + 1) * width, row));
         });
         let fractions = mix(&self.buffers.beauty, &mut image, &parts);
         (image, Some(fractions))
@@ -212,58 +185,64 @@ impl<'a> Part<'a> {
         Some(Self { light: buffers.light(branch)?, noise, branch, domain })
     }
 
-    /// Radiance and noise of a pixel.
-    #[inline]
-    fn light(&self, pixel: usize) -> Light {
-        self.light_of(pixel, self.noise.map_or([0.0; 2], |noise| noise.signs(pixel)))
+    /// Adds the light of a row of pixels and, where it is known, its noise to `[channels, width]`.
+    fn add_light(&self, pixels: Range<usize>, out: &mut [f32]) {
+        let width = pixels.len();
+        let (light, noise) = out.split_at_mut(3 * width);
+        for (channel, out) in light.chunks_mut(width).enumerate() {
+            let mean = &self.light.mean(channel)[pixels.clone()];
+            out.iter_mut().zip(mean).for_each(|(out, mean)| *out += mean);
+        }
+        let Some(known) = self.noise else { return };
+        for (channel, out) in noise.chunks_mut(width).enumerate() {
+            let variance = &self.light.variance(channel)[pixels.clone()];
+            for ((out, variance), sign) in
+                out.iter_mut().zip(variance).zip(known.signs(self.branch, pixels.clone()))
+            {
+                *out += sign * variance.sqrt();
+            }
+        }
     }
 
-    /// The same where the signs of the noise are known.
-    #[inline]
-    fn light_of(&self, pixel: usize, signs: [f32; 2]) -> Light {
-        let sign = signs[self.branch as usize];
-        [
-            std::array::from_fn(|channel| self.light.mean(channel)[pixel]),
-            std::array::from_fn(|channel| sign * self.light.variance(channel)[pixel].sqrt()),
-        ]
-    }
-
-    /// What the kernels are applied to: signal and noise of a pixel. The noise of a logarithm is by the delta method.
-    #[inline]
-    fn signal(&self, pixel: usize) -> Light {
-        let [mut light, mut noise] = self.light(pixel);
-        for channel in 0..3 {
-            match self.domain {
-                Domain::Linear(modulation) => {
-                    let factor = modulation.to_signal(channel, pixel);
-                    light[channel] *= factor;
-                    noise[channel] *= factor;
+    /// Turns radiance and noise of a row of pixels, `[channels, width]`, into what the kernels are applied to. The noise of a
+    /// logarithm is by the delta method.
+    fn to_signal(&self, pixels: Range<usize>, row: &mut [f32]) {
+        match self.domain {
+            Domain::Linear(modulation) => {
+                scale(row, pixels, |channel, pixel| modulation.to_signal(channel, pixel));
+            }
+            Domain::Logarithmic => {
+                let (light, noise) = row.split_at_mut(3 * pixels.len());
+                for (noise, light) in noise.iter_mut().zip(light.iter()) {
+                    *noise /= 1.0 + light.max(0.0);
                 }
-                Domain::Logarithmic => {
-                    noise[channel] /= 1.0 + light[channel].max(0.0);
-                    light[channel] = logarithm(light[channel]);
+                light.iter_mut().for_each(|light| *light = logarithm(*light));
+            }
+        }
+    }
+
+    /// The inverse of [`Self::to_signal`].
+    fn to_radiance(&self, pixels: Range<usize>, row: &mut [f32]) {
+        match self.domain {
+            Domain::Linear(modulation) => {
+                scale(row, pixels, |channel, pixel| modulation.to_radiance(channel, pixel));
+            }
+            Domain::Logarithmic => {
+                let (light, noise) = row.split_at_mut(3 * pixels.len());
+                light.iter_mut().for_each(|light| *light = exponential(*light));
+                for (noise, light) in noise.iter_mut().zip(light.iter()) {
+                    *noise *= 1.0 + light;
                 }
             }
         }
-        [light, noise]
     }
+}
 
-    /// Radiance and noise of a signal; the inverse of [`Self::signal`].
-    #[inline]
-    fn radiance(&self, [mut light, mut noise]: Light, pixel: usize) -> Light {
-        for channel in 0..3 {
-            match self.domain {
-                Domain::Linear(modulation) => {
-                    let factor = modulation.to_radiance(channel, pixel);
-                    light[channel] *= factor;
-                    noise[channel] *= factor;
-                }
-                Domain::Logarithmic => {
-                    light[channel] = exponential(light[channel]);
-                    noise[channel] *= 1.0 + light[channel];
-                }
-            }
+/// Multiplies light and noise of a row of pixels, `[channels, width]`, by a factor of each channel and pixel.
+fn scale(row: &mut [f32], pixels: Range<usize>, factor: impl Fn(usize, usize) -> f32) {
+    for (channel, values) in row.chunks_mut(pixels.len()).enumerate() {
+        for (value, pixel) in values.iter_mut().zip(pixels.clone()) {
+            *value *= factor(channel % 3, pixel);
         }
-        [light, noise]
     }
 }

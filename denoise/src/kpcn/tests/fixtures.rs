@@ -103,8 +103,7 @@ fn the_pyramids_channels_are_pytorchs() {
     assert!((buffers.exposure / exposure - 1.0).abs() < 1e-6, "{}", buffers.exposure);
     let tile = whole(layers.width, layers.height, 16);
     for branch in Branch::ALL {
-        let mut input = Vec::new();
-        channels::pyramid(&buffers, branch, &tile, &mut input);
+        let input = channels::pyramid(&buffers, branch, &tile);
         let input = cropped(&depth_to_space(&input, tile.padded), tile.padded, tile.size());
         let expected = numbers(&fixture[branch.name()]["input"]);
         let name = |index: usize| channels::PYRAMID[index / (layers.width * layers.height)];
@@ -118,8 +117,7 @@ fn the_papers_channels_are_pytorchs() {
     let buffers = Buffers::new(&layers).unwrap();
     let tile = whole(layers.width, layers.height, 1);
     for branch in Branch::ALL {
-        let mut input = Vec::new();
-        channels::kernel(&buffers, branch, &tile, &mut input);
+        let input = channels::kernel(&buffers, branch, &tile);
         let expected = numbers(&fixture[branch.name()]["input"]);
         let name = |index: usize| channels::KERNEL[index / (layers.width * layers.height)];
         assert_close(&input, &expected, &|i| format!("{} {}", branch.name(), name(i)));
@@ -132,8 +130,7 @@ fn padding_repeats_the_channels_reflected() {
     let buffers = Buffers::new(&layers).unwrap();
     let tile = whole(layers.width, layers.height, 16);
     let [height, width] = tile.padded;
-    let mut input = Vec::new();
-    channels::pyramid(&buffers, Branch::Diffuse, &tile, &mut input);
+    let input = channels::pyramid(&buffers, Branch::Diffuse, &tile);
     let input = depth_to_space(&input, tile.padded);
     for plane in input.chunks(height * width) {
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {

@@ -128,7 +128,10 @@ fn noise_keeps_its_signs_when_the_picture_is_turned() {
         for (y, x) in (0..5).flat_map(|y| (0..7).map(move |x| (y, x))) {
             let [turned_y, turned_x] = turned.place([y, x]);
             let place = turned_y * turned.width + turned_x;
-            assert_eq!(turned_noise.signs(place), noise.signs(y * 7 + x), "{orientation:?}");
+            for branch in Branch::ALL {
+                let of = |noise: &Noise, pixel| noise.signs(branch, pixel..pixel + 1).next();
+                assert_eq!(of(&turned_noise, place), of(&noise, y * 7 + x), "{orientation:?}");
+            }
         }
     }
 }
