@@ -31,7 +31,10 @@ impl Error {
     pub fn is_of_the_user(&self) -> bool {
         use quietlight_denoise::Error::{Format, Io};
         match self {
-            Self::File(Io { source, .. }) => source.kind() == io::ErrorKind::NotFound,
+            Self::File(Io { source, .. }) => {
+                use io::ErrorKind::{AlreadyExists, NotADirectory, NotFound};
+                matches!(source.kind(), NotFound | NotADirectory | AlreadyExists)
+            }
             Self::File(Format { .. }) | Self::Settings { .. } => true,
             Self::File(_) => false,
         }

@@ -101,6 +101,12 @@ pub fn estimated_relative_l2(layer: &Layer) -> Option<f64> {
     Some(terms.sum::<f64>() / layer.mean.len() as f64)
 }
 
+/// [`estimated_relative_l2`] of the picture; `None` also where a pixel has a single sample, which tells nothing of its noise.
+pub fn estimated_noise(layers: &Layers) -> Option<f64> {
+    let is_single = layers.samples.iter().flatten().any(|&samples| samples == 1.0);
+    layers.layers.get(&LayerKind::Beauty).filter(|_| !is_single).and_then(estimated_relative_l2)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

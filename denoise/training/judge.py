@@ -149,7 +149,7 @@ def main():
                 if method == "oidn":
                     seconds = open_image_denoise(noisy, out)
                 else:
-                    told = json.loads(run([arguments.binary, "denoise", noisy, "-o", out, "--json", *OURS[method]]))
+                    told = json.loads(run([arguments.binary, "denoise", noisy, "-o", out, "--no-estimate", "--json", *OURS[method]]))
                     seconds = told["denoise_seconds"]
                 row[method] = score(arguments.binary, out, reference) | {"seconds": seconds}
             print(name, spp, *(f"{m} {row[m]['relative_l2']:.4g}" for m in ["noisy", *arguments.methods]), flush=True)

@@ -12,7 +12,7 @@ use crate::render::Shard;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::time::Duration;
-use values::{definition, denoiser, factor, interval, noise, replay, size, target};
+use values::{definition, denoiser, factor, interval, noise, replay, size, stops, target};
 
 /// Renders a scene by Monte Carlo path tracing and takes the noise out.
 #[derive(Debug, Parser)]
@@ -176,7 +176,7 @@ pub(super) struct Finish {
     #[arg(long)]
     pub(super) no_estimate: bool,
     /// Brighten the PNG by this many stops
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = stops)]
     pub(super) exposure: f32,
     /// Print the outcome as JSON
     #[arg(long)]
@@ -189,7 +189,7 @@ pub(super) struct Merge {
     #[arg(value_name = "OUT.exr")]
     pub(super) output: PathBuf,
     /// EXRs of renders with different seeds, or the files that all shards of one render wrote
-    #[arg(required = true, value_name = "IN")]
+    #[arg(required = true, num_args = 2.., value_name = "IN")]
     pub(super) inputs: Vec<PathBuf>,
     /// What takes the noise out
     #[arg(long, value_enum, default_value_t)]

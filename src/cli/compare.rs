@@ -1,13 +1,17 @@
 //! `quietlight compare`: how far an image is from what it should be.
 
 use super::args::Compare;
-use super::{BadInput, Failure};
+use super::{BadInput, Failure, output};
 use anyhow::Context;
 use quietlight_denoise::picture::read_picture;
 use quietlight_denoise::{Image, LayerKind, exr, metrics, png};
 use std::path::Path;
 
 pub(super) fn run(arguments: &Compare) -> Result<(), Failure> {
+    if let Some(path) = &arguments.map {
+        output::check(path, "png")?;
+        output::check_inputs(path, [arguments.image.as_path(), arguments.reference.as_path()])?;
+    }
     let image = match &arguments.layer {
         Some(name) => read_layer(&arguments.image, name)?,
         None => read_picture(&arguments.image).bad_input()?,

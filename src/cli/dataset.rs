@@ -3,7 +3,7 @@
 use super::args::{Dataset, DatasetVerb};
 use super::progress::Progress;
 use super::render::{STOP, heed_ctrl_c};
-use super::{BadInput, Failure};
+use super::{BadInput, Failure, output};
 use crate::dataset::export::{Exported, export};
 use crate::dataset::merge::{Merged, merge};
 use crate::dataset::{Error, Job, Outcome, Plan, Settings, contact_sheet, manifest};
@@ -33,6 +33,7 @@ pub(super) fn run(arguments: &Dataset) -> Result<(), Failure> {
             Ok(())
         }
         Some(DatasetVerb::Sheet { folder, output, views }) => {
+            output::check(output, "png")?;
             let ids = contact_sheet::write(folder, usize::from(*views), output).map_err(sorted)?;
             println!("{}: views {}", output.display(), ids.join(" "));
             Ok(())

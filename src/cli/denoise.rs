@@ -1,15 +1,15 @@
 //! `quietlight denoise`: buffers of this or another renderer in, a picture out.
 
 use super::args::Denoise;
-use super::render::{check_output, thread_pool};
-use super::{BadInput, Failure, denoising};
+use super::render::thread_pool;
+use super::{BadInput, Failure, denoising, output};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Role, SeparateFile, WriteOptions};
 use quietlight_denoise::{LayerKind, png};
 use std::time::Instant;
 
 pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
-    check_output(&arguments.output)?;
+    output::check_picture(&arguments.output)?;
     let features = [(LayerKind::Albedo, &arguments.albedo), (LayerKind::Normal, &arguments.normal)];
     let files: Vec<SeparateFile> = features
         .into_iter()
@@ -17,6 +17,10 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
             Some(SeparateFile { kind, role: Role::Mean, path: path.clone()? })
         })
         .collect();
+    let others = files.iter().map(|file| file.path.as_path());
+    // Only the EXR itself may be denoised in its place.
+    let colour = (arguments.input != arguments.output).then_some(arguments.input.as_path());
+    output::check_inputs(&arguments.output, others.chain(colour))?;
     let mut contents = exr::read_separate(&arguments.input, &files).bad_input()?;
     // Whatever picture is there will be replaced, and is not kept in memory until then.
     contents.picture = None;

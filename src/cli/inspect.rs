@@ -16,21 +16,19 @@ pub(super) fn run(arguments: &Inspect) -> Result<(), Failure> {
     let loading = start.elapsed().as_secs_f64();
     let threads = thread_pool(arguments.threads)?;
     let facts = threads.install(|| Facts::of(&scene, arguments.denoiser != Denoiser::None));
+    let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
     let costs = match arguments.no_probe {
         true => None,
-        false => {
-            let denoiser = denoising::choose(arguments.denoiser, &arguments.networks, &threads)?;
-            Some(Costs::of(&scene, &facts, denoiser.as_ref(), &threads, loading)?)
-        }
+        false => Some(Costs::of(&scene, &facts, denoiser.as_ref(), &threads, loading)?),
     };
     if arguments.json {
-        let mut json = facts.json(&scene);
+        let mut json = facts.json(&scene, denoiser.as_ref());
         if let Some(costs) = &costs {
             json["cost"] = costs.json();
         }
         println!("{json:#}");
     } else {
-        facts.print(&scene);
+        facts.print(&scene, denoiser.as_ref());
         if let Some(costs) = &costs {
             costs.print();
         }

@@ -1,8 +1,8 @@
 //! `quietlight merge`: several renders of one scene in, one picture out.
 
 use super::args::Merge;
-use super::render::{check_output, describe, thread_pool};
-use super::{BadInput, Failure, denoising};
+use super::render::{describe, thread_pool};
+use super::{BadInput, Failure, denoising, output};
 use crate::render::{Average, State};
 use anyhow::{Context, anyhow};
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
@@ -11,7 +11,7 @@ use std::path::Path;
 
 pub(super) fn run(arguments: &Merge) -> Result<(), Failure> {
     let output = &arguments.output;
-    check_output(output)?;
+    output::check_picture(output)?;
     let is_picture = |path: &Path| {
         path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"))
     };

@@ -1,5 +1,8 @@
 //! The command line: a shell around the library, without an algorithm of its own. Only this module prints.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line talks to its user")]
+
+// First, for the others print by its macros.
+#[macro_use]
+mod talk;
 
 mod args;
 mod compare;
@@ -13,6 +16,7 @@ mod keep;
 mod letters;
 mod merge;
 mod outcome;
+mod output;
 mod progress;
 mod render;
 mod replay;
@@ -66,16 +70,16 @@ pub fn run() -> ExitCode {
         Command::Inspect(command) => inspect::run(&command),
         Command::Doctor => doctor::run(),
         Command::Completions { shell } => {
-            clap_complete::generate(
-                shell,
-                &mut Arguments::command(),
-                "quietlight",
-                &mut std::io::stdout(),
-            );
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Arguments::command(), "quietlight", &mut script);
+            println!("{}", String::from_utf8_lossy(&script).trim_end());
             Ok(())
         }
     };
     let (code, error) = match outcome {
+        Ok(()) if talk::is_cut_off() => {
+            (1, anyhow::anyhow!("standard output could not be written in full"))
+        }
         Ok(()) => return ExitCode::SUCCESS,
         Err(Failure::Interrupted) => return ExitCode::from(130),
         Err(Failure::BadInput(error)) => (2, error),

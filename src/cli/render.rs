@@ -5,16 +5,16 @@ use super::keep::Keeper;
 use super::outcome::Outcome;
 use super::spending::{Finished, Spending, Spent};
 use super::strategies::Pyramid;
-use super::{BadInput, Failure, denoising, integrator, replay};
+use super::{BadInput, Failure, denoising, integrator, output, replay};
 use crate::integrator::Integrator;
 use crate::render::{Budget, RenderSettings, Rendered, SamplerKind, check_memory};
 use crate::scene::{LoadOptions, Scene};
 use anyhow::Context;
 use quietlight_denoise::exr::{self, Frame, WriteOptions};
-use quietlight_denoise::variance::estimated_relative_l2;
+use quietlight_denoise::variance::estimated_noise;
 use quietlight_denoise::{LayerKind, png};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -48,7 +48,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         ))
         .bad_input();
     }
-    let output = output_path(arguments)?;
+    let output = output_path(arguments, &scene)?;
     let pyramid = Pyramid::prepare(arguments.strategies.as_deref(), &settings)?;
     heed_ctrl_c("finishing this pass, then writing what there is")?;
     // Before the render, so that hours are not spent for a file that is not a network.
@@ -67,7 +67,7 @@ pub(super) fn run(arguments: &Render) -> Result<(), Failure> {
         return spending.render_part();
     }
     let Spent { mut rendered, finished, note } = spending.spend(denoiser.as_ref(), start)?;
-    let noise = rendered.layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2);
+    let noise = estimated_noise(&rendered.layers);
     let is_interrupted = STOP.load(Ordering::Relaxed);
     let Finished { denoised, denoising, error } = finished;
 
@@ -173,7 +173,7 @@ fn settings(arguments: &Render, scene: &Scene, threads: usize) -> RenderSettings
 }
 
 /// Where to write: as asked, else named after the scene (its folder, if the file is a `scene.xml`).
-fn output_path(arguments: &Render) -> Result<PathBuf, Failure> {
+fn output_path(arguments: &Render, scene: &Scene) -> Result<PathBuf, Failure> {
     let path = match &arguments.output {
         Some(path) => path.clone(),
         None => {
@@ -187,28 +187,9 @@ fn output_path(arguments: &Render) -> Result<PathBuf, Failure> {
             PathBuf::from(absolute.file_stem().unwrap_or("picture".as_ref())).with_extension("exr")
         }
     };
-    check_output(&path)?;
+    output::check_picture(&path)?;
+    output::check_inputs(&path, scene.image_files.iter().map(PathBuf::as_path))?;
     Ok(path)
-}
-
-/// Refuses an output that could not be written, before hours are spent on it.
-pub(super) fn check_output(path: &Path) -> Result<(), Failure> {
-    if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("exr")) {
-        return Err(anyhow::anyhow!("the output must be named *.exr, not {}", path.display()))
-            .bad_input();
-    }
-    let folder = match path.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    if folder.metadata().is_ok_and(|facts| !facts.is_dir()) {
-        return Err(anyhow::anyhow!("{} is not a folder", folder.display())).bad_input();
-    }
-    // Only an attempt tells: permissions, a disk that is mounted to be read, one without a free inode.
-    tempfile::tempfile_in(folder)
-        .map(|_| ())
-        .with_context(|| format!("cannot write into {}", folder.display()))
-        .bad_input()
 }
 
 /// The first Ctrl-C sets [`STOP`] and says what happens now; the second ends the process at once.

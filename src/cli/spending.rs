@@ -10,8 +10,8 @@ use crate::render::{Budget, Ending, RenderSettings, Rendered, Rendering, Target}
 use crate::scene::Scene;
 use anyhow::Context;
 use quietlight_denoise::exr::{self, WriteOptions};
-use quietlight_denoise::variance::estimated_relative_l2;
-use quietlight_denoise::{Denoised, Denoiser, ErrorEstimate, Image, LayerKind, Layers};
+use quietlight_denoise::variance::estimated_noise;
+use quietlight_denoise::{Denoised, Denoiser, ErrorEstimate, Image, Layers};
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -249,7 +249,7 @@ impl Spending<'_> {
             finished = self.finish(denoiser, layers, true)?;
             let estimate = match denoiser {
                 Some(_) => finished.error.as_ref().map(|error| error.relative_l2),
-                None => layers.layers.get(&LayerKind::Beauty).and_then(estimated_relative_l2),
+                None => estimated_noise(layers),
             };
             if let Some(estimate) = estimate {
                 eprintln!(

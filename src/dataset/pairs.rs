@@ -4,7 +4,7 @@
 mod tests;
 
 use super::exposure;
-use super::generator::generate;
+use super::generator::{self, generate};
 use super::make::Job;
 use super::manifest::{
     Identity, NoisyFile, Record, ReferenceFile, Settings, SkippedView, Source, Split, View,
@@ -111,27 +111,41 @@ fn source(settings: &Settings, number: u32, seed: ViewSeed) -> Source {
 }
 
 /// The scene of a source.
-fn candidate(job: &Job, identity: &Identity, seed: ViewSeed) -> Result<Candidate, Refusal> {
+///
+/// # Errors
+/// Only where files of a generated scene cannot be written: another time, they can be.
+fn candidate(
+    job: &Job,
+    identity: &Identity,
+    seed: ViewSeed,
+) -> Result<Result<Candidate, Refusal>, Error> {
     match &identity.source {
         Source::Generated { generated } => {
-            let broken = |error: &dyn std::fmt::Display| Refusal::Broken(error.to_string());
             // Not kept unless asked for: it goes away with `temporary`.
-            let temporary = tempfile::tempdir().map_err(|error| broken(&error))?;
+            let temporary = tempfile::tempdir().map_err(at(&std::env::temp_dir()))?;
             let kept = job.folder.join("scenes").join(&identity.id);
             if job.keep_scenes && kept.exists() {
-                fs::remove_dir_all(&kept).map_err(|error| broken(&error))?;
+                fs::remove_dir_all(&kept).map_err(at(&kept))?;
             }
             let folder = if job.keep_scenes { &kept } else { temporary.path() };
-            let generated = generate(*generated, folder).map_err(|error| broken(&error))?;
+            let generated = match generate(*generated, folder) {
+                Err(generator::Error::Io { path, source }) => return Err(at(&path)(source).into()),
+                Err(generator::Error::Write(error)) => return Err(error.into()),
+                Err(error) => return Ok(Err(Refusal::Broken(error.to_string()))),
+                Ok(generated) => generated,
+            };
             let size = large_enough(generated.film, job.settings.crop);
             let options = LoadOptions { size, ..LoadOptions::default() };
-            let scene = Scene::load(&generated.scene, &options).map_err(|error| broken(&error))?;
-            Ok(Candidate { scene, tags: generated.tags })
+            let scene = Scene::load(&generated.scene, &options);
+            Ok(match scene {
+                Ok(scene) => Ok(Candidate { scene, tags: generated.tags }),
+                Err(error) => Err(Refusal::Broken(error.to_string())),
+            })
         }
         Source::File { file, variation } => {
             let film = film(job.settings.crop, &mut Dice::new(seed.derive(Purpose::Film)));
-            let scene = variation::vary(file, film, *variation)?;
-            Ok(Candidate { scene, tags: Vec::new() })
+            let scene = variation::vary(file, film, *variation);
+            Ok(scene.map(|scene| Candidate { scene, tags: Vec::new() }))
         }
     }
 }
@@ -167,7 +181,7 @@ fn attempt(
     seed: ViewSeed,
     stop: &AtomicBool,
 ) -> Result<Tried, Error> {
-    or_panic_noted(|| match candidate(job, identity, seed) {
+    or_panic_noted(|| match candidate(job, identity, seed)? {
         Ok(candidate) => try_view(job, folder, candidate, identity, seed, stop),
         Err(refusal) => Ok(Tried::Refused(refusal)),
     })

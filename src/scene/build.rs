@@ -11,6 +11,8 @@ use crate::geometry::{Geometry, Part};
 use crate::math::Rgb;
 use crate::texture::Texture;
 use glam::{DMat4, DVec3};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 /// All that a scene file says.
 pub(super) struct Description {
@@ -26,6 +28,7 @@ pub(super) struct Description {
     /// A pixel.
     pub(super) samples: u32,
     pub(super) warnings: Vec<String>,
+    pub(super) image_files: BTreeSet<PathBuf>,
 }
 
 /// A shape, what it is made of, and the radiance it sends, if it does.
@@ -139,6 +142,7 @@ impl Description {
             samples: self.samples,
             origin,
             warnings,
+            image_files: self.image_files,
         }
     }
 

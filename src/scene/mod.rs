@@ -27,6 +27,7 @@ use crate::emitter::{EmitterId, Emitters};
 use crate::geometry::Geometry;
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// What may be changed about a scene while it is loaded.
@@ -136,6 +137,8 @@ pub struct Scene {
     pub origin: glam::DVec3,
     /// What the reader should know: plugins without effect, triangles left out.
     pub warnings: Vec<String>,
+    /// The files that images were read from.
+    pub image_files: BTreeSet<PathBuf>,
 }
 
 impl Scene {

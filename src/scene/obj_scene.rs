@@ -107,6 +107,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Description, Sc
         },
         samples: SAMPLES,
         warnings,
+        image_files: images.files,
     })
 }
 

@@ -3,7 +3,7 @@
 use super::load::{Image, ImageError};
 use crate::math::Rgb;
 use glam::{Affine2, Vec2};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -148,6 +148,8 @@ impl Bitmap {
 #[derive(Debug, Default)]
 pub struct ImageCache {
     images: HashMap<(PathBuf, bool), Arc<Image>>,
+    /// The files that were read.
+    pub files: BTreeSet<PathBuf>,
     /// Counts of texels that were not finite.
     pub warnings: Vec<String>,
 }
@@ -163,13 +165,23 @@ impl ImageCache {
         if let Some(image) = self.images.get(&(name.clone(), raw)) {
             return Ok(Arc::clone(image));
         }
-        let image = Arc::new(Image::load(path, raw)?);
+        let image = Arc::new(self.load_once(path, raw)?);
         if image.broken > 0 {
             let message =
                 format!("{}: {} texels are not finite; set to 0", path.display(), image.broken);
             self.warnings.push(message);
         }
         self.images.insert((name, raw), Arc::clone(&image));
+        Ok(image)
+    }
+
+    /// The image in a file of which nobody else needs the pixels: they are not kept here.
+    ///
+    /// # Errors
+    /// Those of [`Image::load`].
+    pub fn load_once(&mut self, path: &Path, raw: bool) -> Result<Image, ImageError> {
+        let image = Image::load(path, raw)?;
+        self.files.insert(path.to_path_buf());
         Ok(image)
     }
 }

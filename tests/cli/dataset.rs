@@ -70,6 +70,25 @@ fn dataset_refuses_what_cannot_be_meant() {
     assert_eq!(names(folder.path()).len(), 1, "nothing was written");
 }
 
+#[test]
+fn a_temporary_folder_that_is_missing_ends_the_run_and_skips_no_view() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let make = |temporary: &Path| {
+        Command::new(env!("CARGO_BIN_EXE_quietlight"))
+            .args(["dataset", "set", "--views", "1", "--crop", "32", "--reference-spp", "2"])
+            .args(["--noisy", "1", "--max-spp", "1"])
+            .current_dir(folder.path())
+            .env("TMPDIR", temporary)
+            .output()
+            .expect("the binary runs")
+    };
+    let done = make(Path::new("/nowhere"));
+    assert_eq!(done.status.code(), Some(2), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("/nowhere"), "{}", text(&done.stderr));
+    let done = make(folder.path());
+    assert!(text(&done.stdout).contains("1 views rendered"), "{}", text(&done.stdout));
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_drops_the_views_under_way_and_exits_with_130() {

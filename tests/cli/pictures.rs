@@ -76,6 +76,9 @@ fn bad_input_exits_with_2_says_where_and_writes_nothing() {
         "<scene version=\"3.0.0\">\n  <shape type=\"spere\"/>\n  <sensor type=\"perspective\"/>\n</scene>",
     )
     .expect("the scene is written");
+    for name in ["is-a-folder.exr", "png-is-a-folder.png"] {
+        std::fs::create_dir(folder.path().join(name)).expect("a folder is made");
+    }
     let scene = own_scene("cornell-box");
     for (arguments, expected) in [
         (vec!["render", "missing.xml"], "missing.xml"),
@@ -88,10 +91,85 @@ fn bad_input_exits_with_2_says_where_and_writes_nothing() {
         (vec!["denoise", "bad.xml", "-o", "out.exr"], "bad.xml"),
         (vec!["compare", "bad.xml", "bad.xml"], "bad.xml"),
         (vec!["inspect", "bad.xml"], "spere"),
+        (vec!["render", &scene, "-o", "is-a-folder.exr"], "is-a-folder.exr is a folder"),
+        (vec!["render", &scene, "-o", "png-is-a-folder.exr"], "png-is-a-folder.png is a folder"),
+        (vec!["render", &scene, "--exposure", "nan"], "a number of stops"),
+        (vec!["merge", "first.exr", "second.exr"], "2 values required"),
+        (vec!["compare", "a.exr", "b.exr", "--map", "map.exr"], "*.png"),
+        (vec!["dataset", "sheet", "set", "-o", "sheet.exr"], "*.png"),
+        (vec!["dataset", "bad.xml", "--views", "1"], "bad.xml"),
+        (vec!["inspect", &scene, "--no-probe", "--model", "one.onnx"], "two files"),
     ] {
         assert_refused(&arguments, expected, folder.path());
     }
-    assert_eq!(names(folder.path()).len(), 1, "nothing was written");
+    assert_eq!(names(folder.path()).len(), 3, "nothing was written");
+}
+
+#[test]
+fn what_is_read_is_not_replaced() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    let scene = own_scene("cornell-box");
+    let done = quietlight(
+        &["render", &scene, "--spp", "1", "--size", "16x16", "-o", "sky.exr"],
+        folder.path(),
+    );
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let xml = r#"<scene version="3.0.0"><sensor type="perspective"/><emitter type="envmap">
+        <string name="filename" value="sky.exr"/></emitter></scene>"#;
+    std::fs::write(at("sky.xml"), xml).expect("the scene is written");
+    let before = ["sky.exr", "sky.png"].map(|name| std::fs::read(at(name)).expect("a file"));
+    // Named after the scene, the picture would replace the light.
+    for (arguments, expected) in [
+        (vec!["render", "sky.xml", "--spp", "1"], "sky.exr is read"),
+        (vec!["denoise", "sky.png", "-o", "sky.exr"], "sky.png is read"),
+        (vec!["denoise", "other.exr", "-o", "sky.exr", "--albedo", "sky.png"], "sky.png is read"),
+        (vec!["compare", "sky.exr", "sky.png", "--map", "sky.png"], "sky.png is read"),
+    ] {
+        assert_refused(&arguments, expected, folder.path());
+    }
+    let after = ["sky.exr", "sky.png"].map(|name| std::fs::read(at(name)).expect("a file"));
+    assert!(before == after);
+    // In its own place a picture may be denoised.
+    let done = quietlight(&["denoise", "sky.exr", "-o", "sky.exr"], folder.path());
+    assert!(done.status.success(), "{}", text(&done.stderr));
+}
+
+#[test]
+fn one_sample_tells_nothing_of_its_noise() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = own_scene("cornell-box");
+    let render = ["render", &scene, "--spp", "1", "--size", "16x16", "--integrator", "path"];
+    let done = quietlight(&[&render[..], &["--json"]].concat(), folder.path());
+    let outcome: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON");
+    assert!(outcome["estimated_noisy_relative_l2"].is_null(), "{outcome}");
+    let target = ["--target-error", "1e-9", "--denoiser", "none"];
+    let done = quietlight(&[&render[..], &target].concat(), folder.path());
+    assert!(text(&done.stderr).contains("cannot be estimated"), "{}", text(&done.stderr));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_who_goes_away_ends_no_render_and_a_full_disk_is_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = own_scene("cornell-box");
+    let start = |out: Stdio, error: Stdio| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_quietlight"));
+        command.args(["render", &scene, "--spp", "1", "--size", "16x16", "-o", "picture.exr"]);
+        command.current_dir(folder.path()).stdout(out).stderr(error);
+        command.spawn().expect("the binary runs")
+    };
+    let mut child = start(Stdio::piped(), Stdio::piped());
+    drop((child.stdout.take(), child.stderr.take()));
+    assert_eq!(child.wait().expect("the process ends").code(), Some(0));
+    assert_eq!(names(folder.path()), ["picture.exr", "picture.png"]);
+    let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").map(Stdio::from);
+    if let (Ok(out), Ok(error)) = (full(), full()) {
+        assert_eq!(start(Stdio::null(), error).wait().expect("the process ends").code(), Some(0));
+        let done = start(out, Stdio::piped()).wait_with_output().expect("the process ends");
+        assert_eq!(done.status.code(), Some(1));
+        assert!(text(&done.stderr).contains("standard output"), "{}", text(&done.stderr));
+    }
 }
 
 /// A tiny random network of the tests of `denoise`.
@@ -191,6 +269,15 @@ fn inspect_doctor_completions_and_replay_answer() {
     assert!(facts["cost"].is_null() && facts["light"]["hits_per_walk"].is_f64(), "{facts}");
     let done = quietlight(&["inspect", &scene], folder.path());
     assert!(text(&done.stdout).contains("left out"), "{}", text(&done.stdout));
+    for (asked, expected) in [
+        (vec!["--denoiser", "none"], "none: the noise stays"),
+        (vec!["--denoiser", "bilateral"], "filter (bilateral)"),
+        (vec!["--quality", "fast"], "fast quality: diffuse"),
+    ] {
+        let arguments = [vec!["inspect", &scene, "--no-probe"], asked].concat();
+        let said = text(&quietlight(&arguments, folder.path()).stdout);
+        assert!(said.contains(expected), "{said}");
+    }
     let done = quietlight(&["doctor"], folder.path());
     assert!(done.status.success() && text(&done.stdout).contains("SIMD"), "{}", text(&done.stderr));
     assert!(text(&done.stdout).contains("onnxruntime"), "{}", text(&done.stdout));

@@ -57,6 +57,9 @@ fn format_error(path: &Path, found: impl Into<String>, expected: impl Into<Strin
     Error::Format { path: path.to_path_buf(), found: found.into(), expected: expected.into() }
 }
 
+/// The depth that Blender gives to pixels in which nothing is hit.
+const NOT_HIT: f32 = 1e10;
+
 fn open(path: &Path) -> Result<FlatImage, Error> {
     let io = |source| Error::Io { path: path.to_path_buf(), source };
     let length = std::fs::metadata(path).map_err(io)?.len();
@@ -96,7 +99,12 @@ fn collect(path: &Path, mut file: FlatImage) -> Result<Found, Error> {
             match meaning(&plain, part_name.as_deref().filter(|_| multipart)) {
                 Some(Meaning { part, component, rank }) => {
                     let components = candidates.entry((part, rank)).or_default();
-                    components.entry(component).or_insert((plain, part_index, channel_index));
+                    match components.entry(component) {
+                        Entry::Vacant(entry) => {
+                            entry.insert((plain, part_index, channel_index));
+                        }
+                        Entry::Occupied(_) => ignored.push(plain),
+                    }
                 }
                 None => ignored.push(plain),
             }
@@ -207,7 +215,11 @@ fn assemble(path: &Path, found: Found) -> Result<Contents, Error> {
         let variance = take(Role::Variance).or(per_sample);
         let halves = take(Role::A).zip(take(Role::B)).map(|(a, b)| [a, b]);
         match mean {
-            Some(mean) => {
+            Some(mut mean) => {
+                if kind == LayerKind::Depth {
+                    // Blender's depth of what is not hit; ours is 0.
+                    mean.mapv_inplace(|depth| if depth >= NOT_HIT { 0.0 } else { depth });
+                }
                 layers.layers.insert(kind, Layer { mean, variance, halves });
             }
             None if variance.is_some() || halves.is_some() => {

@@ -34,6 +34,18 @@ pub fn read_separate(colour: &Path, files: &[SeparateFile]) -> Result<Contents, 
             else {
                 return Ok(None);
             };
+            let ending = file.path.extension().unwrap_or_default().to_ascii_lowercase();
+            if kind != LayerKind::Albedo
+                && !kind.is_radiance()
+                && ["png", "jpg", "jpeg"].iter().any(|display| ending == *display)
+            {
+                // Colours of a display have no sign, and the curve of its brightness bends all numbers.
+                return Err(Error::Format {
+                    path: file.path.clone(),
+                    found: "a picture of display colours".into(),
+                    expected: format!("an EXR or PFM for {}", kind.name()),
+                });
+            }
             let image = picture::read_picture(&file.path)?;
             // A layer of one channel comes as grey.
             Ok(Some(if kind.components().len() == 1 {

@@ -169,6 +169,27 @@ fn blender_files_prefer_the_noisy_image_and_say_what_they_left_out() {
 }
 
 #[test]
+fn of_two_view_layers_one_is_taken_and_the_other_named() {
+    let (_folder, path) = temporary();
+    let names = ["Bg", "Fg"]
+        .map(|layer| ["B", "G", "R"].map(|channel| format!("{layer}.Combined.{channel}")));
+    let channels: Vec<_> = names.iter().flatten().map(|name| (name.as_str(), 1.0)).collect();
+    write_foreign(&path, &channels, (3, 3), LayerAttributes::default());
+    assert_eq!(read(&path).unwrap().ignored, names[1]);
+}
+
+#[test]
+fn blenders_depth_of_nothing_is_no_depth() {
+    let (_folder, path) = temporary();
+    let mut channels = ["R", "G", "B"].map(|channel| (channel, 1.0)).to_vec();
+    // The values of the pixels count up from there.
+    channels.push(("ViewLayer.Depth.Z", 1e10));
+    write_foreign(&path, &channels, (2, 1), LayerAttributes::default());
+    let depth = &read(&path).unwrap().layers.layers[&LayerKind::Depth].mean;
+    assert!(depth.iter().all(|&depth| depth == 0.0), "{depth}");
+}
+
+#[test]
 fn a_variance_per_sample_is_divided_by_the_samples() {
     let (_folder, path) = temporary();
     let channels = [
@@ -313,6 +334,11 @@ fn separate_files_make_layers() {
     // The rows of a PFM go from the bottom up: the first pixel of the file is the last row.
     assert_eq!(layers.layers[&LayerKind::Albedo].mean[[1, 1, 0]], 1.0);
     assert_eq!(layers.layers[&LayerKind::Albedo].mean[[0, 0, 2]], 15.0);
+
+    // A display shows no negative numbers.
+    let shown = separate(LayerKind::Normal, "normal.png");
+    let refused = read_separate(&file("colour.exr"), &[shown]).unwrap_err().to_string();
+    assert!(refused.contains("normal.png") && refused.contains("an EXR or PFM"), "{refused}");
 
     pfm.pop();
     std::fs::write(file("albedo.pfm"), &pfm).unwrap();

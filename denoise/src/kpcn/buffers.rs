@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
+use ndarray::Zip;
+
 use super::network::Branch;
 use super::orientation::Orientation;
 use super::transform::{demodulation, remodulation};
@@ -25,6 +27,9 @@ pub const LAYERS: [LayerKind; 6] = [
 /// Exposed specular (or diffuse) light that is nowhere brighter than this is not worth a network: a millionth of the
 /// picture's brightness.
 const DARK: f32 = 1e-6;
+
+/// The part of the light that diffuse and specular layers may lack: more, and the picture is not their sum.
+const MISSING: f64 = 0.01;
 
 /// What the networks see of a picture. Every layer has a variance; whatever was fit for use already is borrowed.
 pub(super) struct Buffers<'a> {
@@ -98,7 +103,7 @@ impl<'a> Buffers<'a> {
         }
 
         let has = |kind| buffers.layers.contains_key(&kind);
-        let is_split = has(LayerKind::Diffuse) && has(LayerKind::Specular);
+        let is_split = has(LayerKind::Diffuse) && has(LayerKind::Specular) && buffers.is_whole();
         buffers.diffuse = match (is_split, has(LayerKind::Beauty)) {
             (true, _) => LayerKind::Diffuse,
             (false, true) => LayerKind::Beauty,
@@ -189,6 +194,24 @@ impl<'a> Buffers<'a> {
             let (mean, variance) = (plain(layer.mean), layer.variance.map(plain));
             self.layers.insert(kind, Cow::Owned(Layer { mean, variance, halves: None }));
         }
+    }
+
+    /// Whether diffuse and specular light make up the picture, where all three are there. Other renderers may have more:
+    /// emission, transmission.
+    fn is_whole(&self) -> bool {
+        let [beauty, diffuse, specular] =
+            [LayerKind::Beauty, LayerKind::Diffuse, LayerKind::Specular]
+                .map(|k| self.layers.get(&k));
+        let (Some(beauty), Some(diffuse), Some(specular)) = (beauty, diffuse, specular) else {
+            return true;
+        };
+        let (mut missing, mut all) = (0.0, 0.0);
+        Zip::from(&beauty.mean).and(&diffuse.mean).and(&specular.mean).for_each(|beauty, d, s| {
+            missing += f64::from(d + s - beauty).abs();
+            all += f64::from(*beauty).abs();
+        });
+        // Other renderers round to halves, and ours that are not finite are mended one by one.
+        missing <= MISSING * all
     }
 
     /// A layer that is there.

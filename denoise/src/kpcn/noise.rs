@@ -83,7 +83,8 @@ mod tests {
             {
                 let image = |value| Image::from_elem((3, 100, 100), value);
                 let variance = Some(image(variance));
-                layers.layers.insert(kind, Layer { mean: image(1.0), variance, halves: None });
+                let mean = image(if kind == LayerKind::Beauty { 2.0 } else { 1.0 });
+                layers.layers.insert(kind, Layer { mean, variance, halves: None });
             }
             let buffers = Buffers::new(&layers).unwrap();
             let noise = Noise::new(&buffers);

@@ -12,6 +12,12 @@ pub(super) fn denoiser() -> impl clap::builder::TypedValueParser<Value = Denoise
         .try_map(|name| Denoiser::from_str(&name, false))
 }
 
+/// Reads a brightening in stops.
+pub(super) fn stops(text: &str) -> Result<f32, String> {
+    let stops = text.parse().ok().filter(|stops: &f32| stops.is_finite());
+    stops.ok_or_else(|| format!("expected a number of stops such as -1 or 2.5, not {text:?}"))
+}
+
 /// How often something is done; `None` is never.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::cli) struct Interval(pub(in crate::cli) Option<Duration>);

@@ -7,8 +7,8 @@ use crate::integrator::{Choice, Effort, Purpose};
 use crate::render::RenderSettings;
 use crate::render::survey::Survey;
 use crate::scene::{Inventory, Requirements, Scene};
-use quietlight_denoise::LayerKind;
-use quietlight_denoise::kpcn::{self, Branch};
+use quietlight_denoise::kpcn::Branch;
+use quietlight_denoise::{Denoiser, LayerKind};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -32,7 +32,7 @@ impl Facts {
         }
     }
 
-    pub(super) fn json(&self, scene: &Scene) -> Value {
+    pub(super) fn json(&self, scene: &Scene, denoiser: Option<&Denoiser>) -> Value {
         let Self { requirements, choice, inventory, survey } = self;
         let parts = scene.geometry.parts();
         let images: Vec<Value> = inventory
@@ -80,7 +80,7 @@ impl Facts {
                 "invalid_samples": survey.invalid,
             },
             "layers": self.layers(),
-            "networks": networks(requirements),
+            "networks": networks(denoiser, requirements),
             "integrator": choice.integrator.name(),
             "integrator_reason": choice.reason,
             "light_sampling": light_sampling(inventory),
@@ -92,7 +92,7 @@ impl Facts {
         })
     }
 
-    pub(super) fn print(&self, scene: &Scene) {
+    pub(super) fn print(&self, scene: &Scene, denoiser: Option<&Denoiser>) {
         let Self { requirements, choice, inventory, survey } = self;
         let [_, _, width, height] = scene.film.crop;
         let depth = scene
@@ -147,7 +147,7 @@ impl Facts {
         say("sampling", light_sampling(inventory));
         let film = megabytes(Film::bytes(scene.film, requirements));
         say("layers", format!("{} ({film})", self.layers().join(", ")));
-        say("denoiser", plan(requirements));
+        say("denoiser", plan(denoiser, requirements));
     }
 
     fn layers(&self) -> Vec<&'static str> {
@@ -238,8 +238,11 @@ fn light_sampling(inventory: &Inventory) -> &'static str {
     }
 }
 
-/// The networks that `--denoiser kpcn` will run.
-fn networks(requirements: &Requirements) -> Vec<&'static str> {
+/// The networks that will run.
+fn networks(denoiser: Option<&Denoiser>, requirements: &Requirements) -> Vec<&'static str> {
+    if !matches!(denoiser, Some(Denoiser::Kpcn { .. })) {
+        return Vec::new();
+    }
     let mut branches = vec![Branch::Diffuse];
     if requirements.needs(LayerKind::Specular) {
         branches.push(Branch::Specular);
@@ -248,14 +251,15 @@ fn networks(requirements: &Requirements) -> Vec<&'static str> {
 }
 
 /// What will take the noise out.
-fn plan(requirements: &Requirements) -> String {
-    match kpcn::Denoiser::embedded(kpcn::Quality::default()) {
-        Ok(_) => format!(
-            "neural networks, {} quality: {}",
-            kpcn::Quality::default().name(),
-            networks(requirements).join(" and ")
-        ),
-        Err(_) => "cross-bilateral filter: there are no weights for the neural networks".to_owned(),
+fn plan(denoiser: Option<&Denoiser>, requirements: &Requirements) -> String {
+    match denoiser {
+        None => "none: the noise stays".to_owned(),
+        Some(Denoiser::Bilateral { name, .. }) => format!("cross-bilateral filter ({name})"),
+        Some(Denoiser::Kpcn { quality, .. }) => {
+            let quality = quality.map(|quality| format!("{} quality", quality.name()));
+            let which = networks(denoiser, requirements).join(" and ");
+            format!("neural networks, {}: {which}", quality.as_deref().unwrap_or("your own"))
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use super::textures::{self, Range};
 use crate::emitter::{Emitter, Environment, EnvironmentMap};
 use crate::scene::build::Light;
 use crate::scene::error::SceneError;
-use crate::texture::{Image, ImageCache, Texture};
+use crate::texture::{ImageCache, Texture};
 use glam::{DMat3, DVec3};
 
 /// The emitter plugins known outside of shapes.
@@ -107,7 +107,7 @@ pub(super) fn light(
             let radiance = textures::color(&mut properties, "radiance", 1.0, images)?;
             Light::Infinite(Emitter::Environment(Environment::Constant(radiance)))
         }
-        "envmap" => environment_map(&mut properties, warnings)?,
+        "envmap" => environment_map(&mut properties, images, warnings)?,
         _ => return Err(properties.unknown_plugin(&KNOWN)),
     };
     properties.finish()?;
@@ -116,6 +116,7 @@ pub(super) fn light(
 
 fn environment_map(
     properties: &mut Properties<'_>,
+    images: &mut ImageCache,
     warnings: &mut Vec<String>,
 ) -> Result<Light, SceneError> {
     let path = properties.file()?;
@@ -124,7 +125,8 @@ fn environment_map(
     // A choice of how to sample, not of what there is to see.
     properties.ignore(&["mis_compensation"]);
     let location = properties.location_of("filename");
-    let image = Image::load(&path, false).map_err(|error| SceneError::asset(location, error))?;
+    let image =
+        images.load_once(&path, false).map_err(|error| SceneError::asset(location, error))?;
     let size = [image.width as usize, image.height as usize];
     let broken = image.broken;
     let map = EnvironmentMap::new(size, image.into_linear(), scale as f32, to_world)

@@ -96,6 +96,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Description, Sc
         limits,
         samples: sensor.samples,
         warnings,
+        image_files: reader.images.files,
     })
 }
 

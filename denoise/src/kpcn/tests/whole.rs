@@ -267,6 +267,18 @@ fn missing_layers_are_done_without() {
 }
 
 #[test]
+fn light_that_is_neither_diffuse_nor_specular_is_not_lost() {
+    // As the emission or the transmission of other renderers.
+    let mut layers = random_layers(32, 24, 13);
+    layers.layers.get_mut(&LayerKind::Beauty).unwrap().mean += 2.0;
+    let run = |layers: &Layers| denoiser("unit").denoise(layers, &pool(1), &|_| ()).unwrap();
+    let denoised = run(&layers);
+    assert_eq!(denoised.report.branches, [Branch::Diffuse]);
+    layers.layers.retain(|kind, _| ![LayerKind::Diffuse, LayerKind::Specular].contains(kind));
+    assert_eq!(denoised.image, run(&layers).image);
+}
+
+#[test]
 fn the_progress_goes_from_nothing_to_all() {
     let heard = std::sync::Mutex::new(vec![0.0]);
     let layers = random_layers(20, 20, 12);
