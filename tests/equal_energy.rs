@@ -78,12 +78,14 @@ fn sobol_points_and_independent_numbers_give_the_same_picture() {
 
 #[test]
 fn two_windows_of_masks_are_seen_through_alike_by_every_strategy() {
-    // Shadow rays count the masks that they cross, walks cross them at random: MIS must weigh both as the same paths.
-    let scene = scene_around(
-        32,
-        60.0,
-        -1,
-        r#"<bsdf type="mask" id="veil"><float name="opacity" value="0.4"/>
+    // Shadow rays count the masks that they cross, walks cross them at random: MIS must weigh both as the same paths, and both
+    // must end at the same depth.
+    for (max_depth, strategies) in [(-1, &[(Bsdf, 9), (Light, 10)][..]), (2, &[(Light, 10)])] {
+        let scene = scene_around(
+            32,
+            60.0,
+            max_depth,
+            r#"<bsdf type="mask" id="veil"><float name="opacity" value="0.4"/>
             <bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>
         <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="4"/>
             <translate y="-1" z="-3"/></transform><bsdf type="twosided"><bsdf type="diffuse"/></bsdf></shape>
@@ -94,18 +96,16 @@ fn two_windows_of_masks_are_seen_through_alike_by_every_strategy() {
         <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/>
             <translate y="1.5" z="-3"/></transform>
             <emitter type="area"><rgb name="radiance" value="3"/></emitter></shape>"#,
-    );
-    let both = render_finite(&scene, &settings(256, 8, Mis));
-    assert_equal_energy(
-        &render_finite(&scene, &settings(256, 9, Bsdf)),
-        &both,
-        "BSDF sampling and MIS",
-    );
-    assert_equal_energy(
-        &render_finite(&scene, &settings(256, 10, Light)),
-        &both,
-        "light sampling and MIS",
-    );
+        );
+        let both = render_finite(&scene, &settings(256, 8, Mis));
+        for &(strategy, seed) in strategies {
+            assert_equal_energy(
+                &render_finite(&scene, &settings(256, seed, strategy)),
+                &both,
+                &format!("{strategy:?} and MIS, paths up to {max_depth}"),
+            );
+        }
+    }
 }
 
 #[test]

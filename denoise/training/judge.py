@@ -10,6 +10,7 @@ colour, albedo and normal of the same noisy file, quality high. Writes WORK/scor
 """
 
 import argparse
+import importlib.util
 import json
 import math
 import subprocess
@@ -19,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
+PROJECT = Path(__file__).resolve().parents[2]
 REFERENCE_SEED = 777
 NOISY_SEED = 11
 OURS = {
@@ -123,21 +125,23 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", type=Path)
     parser.add_argument("work", type=Path)
-    parser.add_argument("--binary", type=Path, default=Path("target/release/quietlight"))
+    parser.add_argument("--binary", type=Path, default=PROJECT / "target/release/quietlight")
     parser.add_argument("--spp", type=int, nargs="+", default=[4, 16, 64, 256])
     parser.add_argument("--reference-spp", type=int, default=2048)
     parser.add_argument("--only", nargs="+", help="names of scenes [default: all]")
-    parser.add_argument("--methods", nargs="+", default=["oidn", *OURS])
+    others = ["oidn"] if importlib.util.find_spec("pyoidn") else []
+    parser.add_argument("--methods", nargs="+", choices=["oidn", *OURS], default=[*others, *OURS])
     arguments = parser.parse_args()
     arguments.binary = arguments.binary.absolute()
-    arguments.work.mkdir(parents=True, exist_ok=True)
 
-    scores = []
     scenes = sorted(path.parent for path in arguments.scenes.glob("*/scene.xml"))
+    scenes = [scene for scene in scenes if not arguments.only or scene.name in arguments.only]
+    if not scenes:
+        parser.error(f"{arguments.scenes}: no folder with a scene.xml")
+    arguments.work.mkdir(parents=True, exist_ok=True)
+    scores = []
     for scene in scenes:
         name = scene.name
-        if arguments.only and name not in arguments.only:
-            continue
         reference = arguments.work / f"{name}-ref.exr"
         render(arguments.binary, scene, reference, arguments.reference_spp, REFERENCE_SEED)
         for spp in arguments.spp:
@@ -149,7 +153,9 @@ def main():
                 if method == "oidn":
                     seconds = open_image_denoise(noisy, out)
                 else:
-                    told = json.loads(run([arguments.binary, "denoise", noisy, "-o", out, "--no-estimate", "--json", *OURS[method]]))
+                    told = json.loads(
+                        run([arguments.binary, "denoise", noisy, "-o", out, "--no-estimate", "--json", *OURS[method]])
+                    )
                     seconds = told["denoise_seconds"]
                 row[method] = score(arguments.binary, out, reference) | {"seconds": seconds}
             print(name, spp, *(f"{m} {row[m]['relative_l2']:.4g}" for m in ["noisy", *arguments.methods]), flush=True)

@@ -37,6 +37,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--candidates", type=int, default=16, help="places tried in a view for a patch (default 16)")
     parser.add_argument("--processes", type=int, default=2, help="processes (default 2)")
     args = parser.parse_args(arguments)
+    names = [folder.resolve().name for folder in args.datasets]
+    if repeated := sorted({name for name in names if names.count(name) > 1}):
+        print(f"error: data sets of one name replace each other's examples: {repeated}", file=sys.stderr)
+        return 2
     try:
         views = [
             replace(view, id=f"{folder.resolve().name}-{view.id}")

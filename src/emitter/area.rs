@@ -144,7 +144,7 @@ impl AreaEmitter {
         // The product of the distances of both intersections over the farther one: the difference of the middle and half the
         // chord, next to the surface, would be a difference of equals.
         let farther = cone.distance * local.z + half_chord;
-        let distance = (cone.distance - radius) * ((cone.distance + radius) / farther);
+        let distance = cone.gap * ((cone.distance + radius) / farther);
         let radiance = match &self.radiance {
             Radiance::Uniform(colour) => *colour,
             Radiance::Textured(texture) => {
@@ -162,6 +162,8 @@ struct Cone {
     axis: Vec3,
     /// How far the centre is.
     distance: f32,
+    /// How far the sphere is.
+    gap: f32,
     /// `1 - cos` of the half-angle.
     cap: f32,
     /// Density of uniform directions, per steradian; 0 where the cone is too narrow for single precision.
@@ -173,7 +175,10 @@ impl Cone {
     #[inline]
     fn to_sphere(from: Vec3, center: Vec3, radius: f32) -> Option<Self> {
         let to_center = center - from;
-        let distance = to_center.length();
+        // Next to the sphere single precision would leave nothing of the gap, and shadow rays would end inside of the sphere.
+        let exact_distance = (center.as_dvec3() - from.as_dvec3()).length();
+        let gap = (exact_distance - f64::from(radius)) as f32;
+        let distance = exact_distance as f32;
         let sine = radius / distance;
         if sine >= 1.0 || sine.is_nan() {
             return None;
@@ -182,6 +187,7 @@ impl Cone {
         Some(Self {
             axis: to_center / distance,
             distance,
+            gap,
             cap,
             pdf: finite_or_zero(warp::cone_pdf(cap)),
         })

@@ -33,9 +33,6 @@ pub enum NestingError {
     /// One side of a blend is two-sided, the other is not.
     #[error("both materials of a blend must be two-sided, or none")]
     Sides,
-    /// Two textured masks around each other.
-    #[error("a material can have one textured mask")]
-    Masks,
 }
 
 /// A material.
@@ -43,6 +40,8 @@ pub enum NestingError {
 pub struct Material {
     /// Does the surface look the same from behind? Then the frame is turned to the viewer before shading.
     pub two_sided: bool,
+    /// Was it made two-sided with its relief? Then that is turned with the surface: what is high in front is deep behind.
+    pub mirrors_relief: bool,
     model: Model,
     relief: Option<Box<Relief>>,
     /// `None` is opaque.
@@ -54,7 +53,14 @@ impl From<Model> for Material {
     /// The model on the side of the normal, opaque, without relief.
     fn from(model: Model) -> Self {
         let is_isotropic = model.is_isotropic();
-        Self { two_sided: false, model, relief: None, opacity: None, is_isotropic }
+        Self {
+            two_sided: false,
+            mirrors_relief: false,
+            model,
+            relief: None,
+            opacity: None,
+            is_isotropic,
+        }
     }
 }
 
@@ -70,25 +76,27 @@ impl Material {
     /// The same from both sides.
     #[must_use]
     pub fn with_two_sides(self) -> Self {
-        Self { two_sided: true, ..self }
+        Self { two_sided: true, mirrors_relief: self.relief.is_some(), ..self }
     }
 
-    /// Light passes unscattered where `opacity` is not 1.
-    ///
-    /// # Errors
-    /// [`NestingError::Masks`] when it is masked already, and not both by the same number everywhere.
-    pub fn masked(self, opacity: Texture) -> Result<Self, NestingError> {
-        let opacity = match (&self.opacity, opacity.constant()) {
-            (None, Some(opacity)) if opacity == Rgb::WHITE => None,
-            (None, _) => Some(opacity),
-            (Some(inner), Some(outer)) => match inner.constant() {
-                Some(inner) => Some((inner * outer).into()),
-                None if outer == Rgb::WHITE => return Ok(self),
-                None => return Err(NestingError::Masks),
-            },
-            (Some(_), None) => return Err(NestingError::Masks),
-        };
-        Ok(Self { opacity: opacity.map(Box::new), ..self })
+    /// Light passes unscattered where `opacity` is not 1. Of two textured masks the inner one becomes a blend with nothing.
+    #[must_use]
+    pub fn masked(mut self, opacity: Texture) -> Self {
+        let (inner, outer) =
+            (self.opacity.as_ref().map(|inner| inner.constant()), opacity.constant());
+        match (inner, outer) {
+            (_, Some(Rgb::WHITE)) => return self,
+            (Some(Some(inner)), Some(outer)) => {
+                let opacity = Texture::from(Rgb::splat(inner.mean() * outer.mean()));
+                return Self { opacity: Some(Box::new(opacity)), ..self };
+            }
+            _ => {}
+        }
+        if let Some(inner) = self.opacity.take() {
+            self.model =
+                Model::Blend { weight: *inner, models: Box::new([Model::Null, self.model]) };
+        }
+        Self { opacity: Some(Box::new(opacity)), ..self }
     }
 
     /// With heights along the normal, in scene units, times `scale`.

@@ -98,7 +98,8 @@ impl FilmSettings {
 /// How long paths may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathLimits {
-    /// Longest path in edges, as Mitsuba counts: 1 shows emitters only, 2 adds direct light; `None` is no limit.
+    /// Longest path in edges, as Mitsuba counts: 1 shows emitters only, 2 adds direct light; `None` is no limit. An edge that
+    /// passes through masks is one edge, whichever way it is found; Mitsuba's camera rays count it as several.
     pub max_depth: Option<u32>,
     /// Russian roulette starts at this depth.
     pub rr_depth: u32,

@@ -94,8 +94,7 @@ impl Roughness {
 
     /// Is a part of the surface smooth, as far as can be told without looking at every texel?
     fn may_be_smooth(&self) -> bool {
-        let may_be =
-            |alpha: &Texture| alpha.constant().is_none_or(|value| value.luminance() < SMOOTH);
+        let may_be = |alpha: &Texture| alpha.constant().is_none_or(|value| value.mean() < SMOOTH);
         self.alpha.iter().all(may_be)
     }
 

@@ -170,10 +170,10 @@ pub(super) fn material(
 
     let nesting = |source| MaterialError::Nesting { name: mtl.name.clone(), source };
     if let (Some(opacity), false) = (mtl.dissolve, is_glass) {
-        material = material.masked((opacity as f32).clamp(0.0, 1.0).into()).map_err(nesting)?;
+        material = material.masked((opacity as f32).clamp(0.0, 1.0).into());
     }
     if let (Some(name), false) = (&mtl.dissolve_texture, is_glass) {
-        material = material.masked(texture(name, true)?).map_err(nesting)?;
+        material = material.masked(texture(name, true)?);
     }
     if let Some(name) = &mtl.normal_texture {
         material = material.bumped(texture(name, true)?, Map::parse(name).bump).map_err(nesting)?;

@@ -33,11 +33,11 @@ impl Texture {
         }
     }
 
-    /// One number at `uv`: the luminance of a coloured texture, the value of a grey one.
+    /// One number at `uv`: the value of a grey texture; of a coloured one the luminance, of a constant the mean, as in Mitsuba 3.
     #[inline]
     pub fn eval_scalar(&self, uv: Vec2) -> f32 {
         match self {
-            Self::Constant(colour) => colour.luminance(),
+            Self::Constant(colour) => colour.mean(),
             Self::Bitmap(bitmap) => bitmap.eval_scalar(uv),
             Self::Checkerboard(board) => board.at(uv).eval_scalar(uv),
         }

@@ -252,3 +252,31 @@ fn a_mesh_shines_to_the_side_of_its_vertex_normals() {
         }
     }
 }
+
+#[test]
+fn light_of_a_sphere_comes_from_its_surface_however_near_it_is() {
+    // What of the distance is missing at its end is inside of the sphere, where the shadow ray would meet it from within.
+    let (center, radius) = (Vec3::new(0.3, -1.7, 2.9), 1.0);
+    let part = Part::Sphere { center, radius, flip_normals: false };
+    let emitters = emitters(vec![area(part, Rgb::WHITE)]);
+    for gap in [1e-1_f32, 1e-2, 1e-3, 3e-4, 1e-4] {
+        let from = center - Vec3::Z * (radius + gap);
+        let mut checked = 0;
+        for (x, y) in (0..16).flat_map(|x| (0..16).map(move |y| (x, y))) {
+            let u = (Vec2::new(x as f32, y as f32) + 0.5) / 16.0;
+            let sample = emitters.sample(from, 0.5, u).expect("the sphere is seen");
+            let (d, to_center) =
+                (sample.direction.as_dvec3().normalize(), (center - from).as_dvec3());
+            let middle = d.dot(to_center);
+            let chord = middle * middle - to_center.length_squared() + f64::from(radius).powi(2);
+            // Not at the rim, where the distance depends on the last digit of the direction.
+            if d.z > 0.3 {
+                let nearer = middle - chord.sqrt();
+                let error = f64::from(sample.distance) / nearer - 1.0;
+                assert!(error.abs() < 1e-4, "gap {gap}, {u}: {error:e} of {nearer:e}");
+                checked += 1;
+            }
+        }
+        assert!(checked > 100, "{gap}: {checked}");
+    }
+}

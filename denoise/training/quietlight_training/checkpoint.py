@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import pickle
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,10 @@ class Checkpoint:
     def load(cls, path: Path) -> "Checkpoint":
         """Reads a checkpoint, or that of a run's folder."""
         path = path / FILE if path.is_dir() else path
-        record = torch.load(path, map_location="cpu", weights_only=True)
+        try:
+            record = torch.load(path, map_location="cpu", weights_only=True)
+        except (EOFError, RuntimeError, pickle.UnpicklingError) as error:
+            raise ValueError(f"{path}: not a checkpoint ({str(error).splitlines()[0]})") from error
         record["config"] = config_of(record["config"], str(path))
         return cls(**record)
 

@@ -17,6 +17,7 @@ import numpy as np
 import onnx
 import onnxruntime
 import torch
+from google.protobuf.message import DecodeError
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -167,6 +168,8 @@ def load_denoiser(paths: dict[str, Path], threads: int = 0) -> Denoiser:
     """A denoiser of the weight files of both branches. Raises `ValueError` where a file is not what its name says."""
     denoiser = None
     for branch, path in paths.items():
+        if not path.is_file():
+            raise FileNotFoundError(f"{path}: no such file")
         metadata = session(path).get_modelmeta().custom_metadata_map
         if metadata.get("branch") != branch:
             raise ValueError(f"{path}: branch is {metadata.get('branch')!r}, expected {branch!r}")
@@ -195,7 +198,11 @@ def read_denoiser(path: Path) -> Denoiser:
 
 def read_weights(path: Path) -> dict[str, Tensor]:
     """The weights in a file, by their names in the network; those in int8 as the numbers that they stand for."""
-    tensors = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in onnx.load(path).graph.initializer}
+    try:
+        graph = onnx.load(path).graph
+    except DecodeError as error:
+        raise ValueError(f"{path}: not an ONNX file ({error})") from error
+    tensors = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in graph.initializer}
     weights = {}
     for name, values in tensors.items():
         stem = name.removesuffix("_quantized").removesuffix(".half")

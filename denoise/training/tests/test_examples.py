@@ -126,3 +126,12 @@ def test_an_index_of_another_version_is_refused(tmp_path):
     (tmp_path / "index.json").write_text(json.dumps(record))
     with pytest.raises(ValueError, match="version 0, expected 1"):
         examples.read_index(Path(tmp_path))
+
+
+def test_data_sets_of_one_name_are_refused(tmp_path, capsys):
+    folders = [tmp_path / part / "data" for part in ("first", "second")]
+    for folder in folders:
+        write_view(folder, "x", "train", size=40)
+    assert preprocess.main([*map(str, folders), str(tmp_path / "examples")]) == 2
+    assert "data sets of one name" in capsys.readouterr().err
+    assert not (tmp_path / "examples").exists()

@@ -179,6 +179,10 @@ def test_training_starts_from_weight_files_of_every_precision(network, options, 
 
 
 def test_what_is_no_weight_file_is_not_started_from(tmp_path):
+    for branch in BRANCHES:
+        (tmp_path / f"kpcn-x-{branch}.onnx").write_text("no network")
+    with pytest.raises(ValueError, match=r"not an ONNX file|no weights of a network"):
+        onnx_model.read_denoiser(tmp_path / "kpcn-x-diffuse.onnx")
     with pytest.raises(ValueError, match=r"-diffuse\.onnx or -specular\.onnx"):
         onnx_model.read_denoiser(tmp_path / "weights.onnx")
 
@@ -187,6 +191,15 @@ def test_int8_without_data_says_what_it_needs(tmp_path, capsys):
     save_checkpoint(PYRAMID, tmp_path / "run")
     assert export_kpcn("--checkpoint", tmp_path / "run", "--output", tmp_path, "--int8") == 2
     assert "--data" in capsys.readouterr().err
+
+
+def test_what_cannot_be_evaluated_is_named_in_one_line(data, tmp_path, capsys):
+    (tmp_path / "x.pt").write_text("no checkpoint")
+    for source in (["--checkpoint", tmp_path / "x.pt"], ["--models", tmp_path, "--tier", "x"]):
+        arguments = ["kpcn", *source, "--data", data]
+        assert run_verb("evaluate", evaluate.SUBCOMMANDS, list(map(str, arguments))) == 2
+        (said,) = capsys.readouterr().err.splitlines()
+        assert f"error: {tmp_path}" in said
 
 
 def test_evaluation_scores_checkpoints_and_files_alike(data, tmp_path, capsys):

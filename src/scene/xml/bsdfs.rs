@@ -9,6 +9,11 @@ use crate::scene::error::SceneError;
 use crate::scene::material::{Material, Model, NestingError, Roughness};
 use crate::texture::{ImageCache, Texture};
 
+/// By which Mitsuba 3 turns tilted normals that look away from the viewer and darkens what is lit from behind them. Here
+/// such normals scatter nothing, and nothing is darkened: at grazing light a relief is brighter here, by a sixth at 17° and a
+/// tilt of 37°.
+const RELIEF_CORRECTIONS: [&str; 2] = ["flip_invalid_normals", "use_shadowing_function"];
+
 /// The material plugins known.
 const KNOWN: [&str; 14] = [
     "blendbsdf",
@@ -43,17 +48,17 @@ pub(super) fn material(
             let opacity =
                 textures::texture(&mut properties, "opacity", 0.5, Range::UnitInterval, images)?;
             let nested = nested(&mut properties, images)?;
-            nested.masked(opacity).map_err(|error| refuse(&properties, error))?
+            nested.masked(opacity)
         }
         "bumpmap" => {
+            properties.ignore(&RELIEF_CORRECTIONS);
             let scale = properties.float("scale")?.unwrap_or(1.0) as f32;
             let height = any_texture(&mut properties, images)?;
             let nested = nested(&mut properties, images)?;
             nested.bumped(height, scale).map_err(|error| refuse(&properties, error))?
         }
         "normalmap" => {
-            // Both say what to do with normals that point into the surface; here they are mirrored out of it.
-            properties.ignore(&["flip_invalid_normals", "use_shadowing_function"]);
+            properties.ignore(&RELIEF_CORRECTIONS);
             let normals = any_texture(&mut properties, images)?;
             let nested = nested(&mut properties, images)?;
             nested.normal_mapped(normals).map_err(|error| refuse(&properties, error))?

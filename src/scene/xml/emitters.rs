@@ -91,17 +91,14 @@ pub(super) fn light(
         "directional" => {
             let to_world = properties.transform("to_world")?;
             let direction = match properties.vector("direction")? {
-                Some(direction) if direction == DVec3::ZERO => {
-                    return Err(properties.wrong("direction", "zero", "a vector with a length"));
-                }
                 Some(direction) => direction,
                 None => to_world.transform_vector3(DVec3::Z),
             };
+            let Some(direction) = direction.try_normalize() else {
+                return Err(properties.wrong("direction", "zero", "a vector with a length"));
+            };
             let irradiance = textures::color(&mut properties, "irradiance", 1.0, images)?;
-            Light::Infinite(Emitter::Directional {
-                direction: direction.normalize().as_vec3(),
-                irradiance,
-            })
+            Light::Infinite(Emitter::Directional { direction: direction.as_vec3(), irradiance })
         }
         "constant" => {
             let radiance = textures::color(&mut properties, "radiance", 1.0, images)?;

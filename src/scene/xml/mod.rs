@@ -126,16 +126,16 @@ impl<'a> SurfaceReader<'a> {
     fn shape(&mut self, id: PluginId) -> Result<ShapeDescription, SceneError> {
         let mut properties = Properties::new(self.document, id);
         let (bsdf, emitter) = (properties.plugin("bsdf")?, properties.plugin("emitter")?);
-        let is_textured =
-            [bsdf, emitter].into_iter().flatten().any(|id| self.document.is_textured(id));
-        let shape = shapes::shape(&mut properties, is_textured, &mut self.warnings)?;
+        let material = match bsdf {
+            Some(bsdf) => self.material(bsdf)?,
+            None => self.default_material(emitter.is_some()),
+        };
+        let has_pattern = self.materials[material.0 as usize].needs_coordinates()
+            || emitter.is_some_and(|id| self.document.is_textured(id));
+        let shape = shapes::shape(&mut properties, has_pattern, &mut self.warnings)?;
         let radiance = match emitter {
             Some(emitter) => Some(emitters::area(self.document, emitter, &mut self.images)?),
             None => None,
-        };
-        let material = match bsdf {
-            Some(bsdf) => self.material(bsdf)?,
-            None => self.default_material(radiance.is_some()),
         };
         properties.finish()?;
         Ok(ShapeDescription { shape, material, radiance })

@@ -14,14 +14,15 @@ const KNOWN: [&str; 7] = ["cube", "cylinder", "disk", "obj", "ply", "rectangle",
 
 /// Reads the shape itself: everything but its `bsdf` and `emitter`.
 ///
-/// Spheres and cylinders become fine meshes where the transform leaves no sphere or circular cylinder, and where a
-/// texture lies on one that is turned: analytic shapes have their texture coordinates along the axes of the world.
+/// Spheres and cylinders become fine meshes where the transform leaves no sphere or circular cylinder, and
+/// where one that is turned has a texture or a material that follows a direction: analytic shapes have their texture
+/// coordinates along the axes of the world.
 ///
 /// # Errors
 /// An unknown plugin, a property that does not fit, or a mesh file that cannot be read.
 pub(super) fn shape(
     properties: &mut Properties<'_>,
-    is_textured: bool,
+    has_pattern: bool,
     warnings: &mut Vec<String>,
 ) -> Result<Shape, SceneError> {
     let to_world = properties.transform("to_world")?;
@@ -39,8 +40,8 @@ pub(super) fn shape(
             // Mitsuba's normal is that of the object, which a mirror turns against the cross product of the axes.
             Ok(Shape::Disk { center, axes, flip_normals: flip_normals != is_mirror(&to_world) })
         }
-        "sphere" => sphere(properties, to_world, flip_normals, is_textured),
-        "cylinder" => cylinder(properties, to_world, flip_normals, is_textured),
+        "sphere" => sphere(properties, to_world, flip_normals, has_pattern),
+        "cylinder" => cylinder(properties, to_world, flip_normals, has_pattern),
         _ => Err(properties.unknown_plugin(&KNOWN)),
     }
 }
@@ -125,14 +126,14 @@ fn sphere(
     properties: &mut Properties<'_>,
     to_world: DMat4,
     flip_normals: bool,
-    is_textured: bool,
+    has_pattern: bool,
 ) -> Result<Shape, SceneError> {
     let center = properties.vector("center")?.unwrap_or(DVec3::ZERO);
     let radius = radius(properties)?;
     let to_world =
         to_world * DMat4::from_translation(center) * DMat4::from_scale(DVec3::splat(radius));
     if let Some((turn, radius)) = rotation_and_scale(DMat3::from_mat4(to_world))
-        && (!is_textured || turn.abs_diff_eq(DMat3::IDENTITY, 1e-6))
+        && (!has_pattern || turn.abs_diff_eq(DMat3::IDENTITY, 1e-6))
     {
         return Ok(Shape::Sphere {
             center: to_world.transform_point3(DVec3::ZERO),
@@ -154,7 +155,7 @@ fn cylinder(
     properties: &mut Properties<'_>,
     to_world: DMat4,
     flip_normals: bool,
-    is_textured: bool,
+    has_pattern: bool,
 ) -> Result<Shape, SceneError> {
     let start = properties.vector("p0")?.unwrap_or(DVec3::ZERO);
     let end = properties.vector("p1")?.unwrap_or(DVec3::Z);
@@ -168,7 +169,7 @@ fn cylinder(
     // The length may be stretched as it likes.
     let direction = to_world.transform_vector3(axis).normalize() * across.length();
     let is_round = rotation_and_scale(DMat3::from_cols(across, along, direction)).is_some();
-    if is_round && !is_textured {
+    if is_round && !has_pattern {
         return Ok(Shape::Cylinder {
             start: to_world.transform_point3(start),
             end: to_world.transform_point3(end),

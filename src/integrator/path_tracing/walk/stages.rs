@@ -115,6 +115,8 @@ impl<'a, S: Sampler> Walk<'a, S> {
         // Masks let the ray pass unscattered; the densities of the last scattering stay in force.
         let opacity = material.opacity(&self.at);
         if opacity < 1.0 && sampler.next_1d() >= opacity {
+            // No scattering and no edge, as for shadow rays: what both find is weighted against each other.
+            self.depth -= 1;
             self.features.pass(self.hit.t);
             self.ray = self.at.spawn(self.ray.direction);
             return Arrival::Passed;
