@@ -2,7 +2,7 @@
 """Turn the views of data sets into training examples: `preprocess.py DATASET... OUT`.
 
 Can be stopped and run again while a data set grows: views that are done are left as they are. An example has the name
-of its data set's folder and of its view.
+of its data set's folder and of its view, so two data sets whose folders have one name are refused.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from quietlight_training.examples import write_example, write_index
+from quietlight_training.examples import read_sources, write_example, write_index
 from quietlight_training.views import View, read_views
 
 
@@ -28,6 +28,17 @@ def process(view: View, output: Path, patch_size: int, candidates: int) -> str |
     return None
 
 
+def named(folders: list[Path], output: Path) -> dict[str, str]:
+    """The data sets' folders by the names that their examples get. Raises `ValueError` where another folder has one."""
+    known, sources = read_sources(output), {}
+    for folder in map(Path.resolve, folders):
+        other = sources.get(folder.name, known.get(folder.name, str(folder)))
+        if other != str(folder):
+            raise ValueError(f"data sets of one name would replace each other's examples: {other} and {folder}")
+        sources[folder.name] = str(folder)
+    return sources
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Parses the command line, runs and returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -37,20 +48,19 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--candidates", type=int, default=16, help="places tried in a view for a patch (default 16)")
     parser.add_argument("--processes", type=int, default=2, help="processes (default 2)")
     args = parser.parse_args(arguments)
-    names = [folder.resolve().name for folder in args.datasets]
-    if repeated := sorted({name for name in names if names.count(name) > 1}):
-        print(f"error: data sets of one name replace each other's examples: {repeated}", file=sys.stderr)
-        return 2
     try:
+        sources = named(args.datasets, args.output)
         views = [
-            replace(view, id=f"{folder.resolve().name}-{view.id}")
-            for folder in args.datasets
-            for view in read_views(folder)
+            replace(view, id=f"{name}-{view.id}")
+            for name, folder in sources.items()
+            for view in read_views(Path(folder))
         ]
+        args.output.mkdir(parents=True, exist_ok=True)
+        # Before the examples, lest another data set takes the name when this is interrupted.
+        write_index(args.output, sources)
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    args.output.mkdir(parents=True, exist_ok=True)
     waiting = [view for view in views if not (args.output / f"{view.id}.json").exists()]
     work = partial(process, output=args.output, patch_size=args.patch_size, candidates=args.candidates)
     refused = 0

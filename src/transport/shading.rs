@@ -70,7 +70,7 @@ impl<'a> Shading<'a> {
 mod tests {
     use super::*;
     use crate::math::Rgb;
-    use crate::scene::Model;
+    use crate::scene::material::Model;
     use crate::texture::Texture;
 
     #[test]

@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-import pickle
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,12 +38,16 @@ class Checkpoint:
 
     @classmethod
     def load(cls, path: Path) -> "Checkpoint":
-        """Reads a checkpoint, or that of a run's folder."""
+        """Reads a checkpoint, or that of a run's folder. Raises `ValueError`, naming the file, where it is none."""
         path = path / FILE if path.is_dir() else path
         try:
             record = torch.load(path, map_location="cpu", weights_only=True)
-        except (EOFError, RuntimeError, pickle.UnpicklingError) as error:
-            raise ValueError(f"{path}: not a checkpoint ({str(error).splitlines()[0]})") from error
+        except OSError:
+            raise
+        except Exception as error:  # The unpickler fails in many ways on what is no pickle.
+            raise ValueError(f"{path}: not a checkpoint") from error
+        if not isinstance(record, dict) or set(record) != {field.name for field in dataclasses.fields(cls)}:
+            raise ValueError(f"{path}: not a checkpoint")
         record["config"] = config_of(record["config"], str(path))
         return cls(**record)
 

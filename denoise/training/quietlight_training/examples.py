@@ -7,7 +7,7 @@
                           nor vanish), albedo and its deviation, normal and its deviation, the relative deviation of the
                           depth; then the reference's albedo
     OUT/ID.json           what the view is; written last
-    OUT/index.json        all of them
+    OUT/index.json        all of them, and the folders of the data sets by their names
 
 A layer that a file lacks is zeros: a scene without specular light has no specular layer.
 """
@@ -135,10 +135,17 @@ def read_example(path: Path) -> Example:
     return _example(json.loads(path.read_text()), path)
 
 
-def write_index(output: Path) -> list[Example]:
-    """Gathers the examples of the folder in `index.json`, in the order of their ids."""
+def read_sources(output: Path) -> dict[str, str]:
+    """The folders of the data sets that the examples are of, by name; none from before they were written down."""
+    path = output / "index.json"
+    return json.loads(path.read_text()).get("sources", {}) if path.exists() else {}
+
+
+def write_index(output: Path, sources: dict[str, str] | None = None) -> list[Example]:
+    """Gathers the examples of the folder in `index.json`, in the order of their ids; `sources` join those there."""
+    sources = read_sources(output) | (sources or {})
     records = [json.loads(path.read_text()) for path in sorted(output.glob("*.json")) if path.name != "index.json"]
-    write_text(output / "index.json", json.dumps({"version": VERSION, "examples": records}))
+    write_text(output / "index.json", json.dumps({"version": VERSION, "sources": sources, "examples": records}))
     return [_example(record, output / "index.json") for record in records]
 
 

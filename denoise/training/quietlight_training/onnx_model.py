@@ -18,6 +18,7 @@ import onnx
 import onnxruntime
 import torch
 from google.protobuf.message import DecodeError
+from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidProtobuf
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -170,7 +171,10 @@ def load_denoiser(paths: dict[str, Path], threads: int = 0) -> Denoiser:
     for branch, path in paths.items():
         if not path.is_file():
             raise FileNotFoundError(f"{path}: no such file")
-        metadata = session(path).get_modelmeta().custom_metadata_map
+        try:
+            metadata = session(path).get_modelmeta().custom_metadata_map
+        except (Fail, InvalidProtobuf) as error:
+            raise ValueError(f"{path}: not an ONNX file") from error
         if metadata.get("branch") != branch:
             raise ValueError(f"{path}: branch is {metadata.get('branch')!r}, expected {branch!r}")
         if denoiser is None:
@@ -190,9 +194,12 @@ def read_denoiser(path: Path) -> Denoiser:
         raise ValueError(f"{path}: expected a name that ends in -diffuse.onnx or -specular.onnx")
     tier = path.stem.removesuffix(f"-{branch}")
     weights = {branch: read_weights(path.with_name(f"{tier}-{branch}.onnx")) for branch in BRANCHES}
-    denoiser = Denoiser(_config_of(weights[branch], path))
-    for branch, values in weights.items():
-        getattr(denoiser, branch).load_state_dict(values)
+    try:
+        denoiser = Denoiser(_config_of(weights[branch], path))
+        for branch, values in weights.items():
+            getattr(denoiser, branch).load_state_dict(values)
+    except (KeyError, RuntimeError, ValueError) as error:
+        raise ValueError(f"{path}: no weights of a network of ours") from error
     return denoiser
 
 

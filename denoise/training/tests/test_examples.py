@@ -133,5 +133,45 @@ def test_data_sets_of_one_name_are_refused(tmp_path, capsys):
     for folder in folders:
         write_view(folder, "x", "train", size=40)
     assert preprocess.main([*map(str, folders), str(tmp_path / "examples")]) == 2
-    assert "data sets of one name" in capsys.readouterr().err
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith("error: data sets of one name")
+    assert all(str(folder) in said for folder in folders)
     assert not (tmp_path / "examples").exists()
+
+
+def test_a_later_data_set_of_the_same_name_is_refused(tmp_path, capsys, monkeypatch):
+    folders = [tmp_path / part / "data" for part in ("first", "second")]
+    for folder, view in zip(folders, ("x", "y"), strict=True):
+        write_view(folder, view, "train", size=40)
+    output = tmp_path / "examples"
+
+    def run(folder: Path) -> int:
+        return preprocess.main([str(folder), str(output), "--patch-size", "32", "--processes", "1"])
+
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(preprocess, "write_example", interrupt)
+        run(folders[0])
+    for _ in range(2):
+        capsys.readouterr()
+        assert run(folders[1]) == 2
+        said = capsys.readouterr().err
+        assert all(str(folder) in said for folder in folders)
+        # The first is taken up again, whichever way its folder is written.
+        assert run(folders[0] / ".." / "data") == 0
+        assert [example.id for example in examples.read_index(output)] == ["data-x"]
+
+
+def test_examples_from_before_their_data_sets_were_written_down_are_taken_up(tmp_path):
+    write_view(tmp_path / "data", "x", "train", size=40)
+    arguments = [str(tmp_path / "data"), str(tmp_path / "out"), "--patch-size", "32", "--processes", "1"]
+    assert preprocess.main(arguments) == 0
+    index = tmp_path / "out" / "index.json"
+    record = json.loads(index.read_text())
+    assert record.pop("sources") == {"data": str(tmp_path / "data")}
+    index.write_text(json.dumps(record))
+    assert [example.id for example in examples.read_index(tmp_path / "out")] == ["data-x"]
+    assert preprocess.main(arguments) == 0
+    assert examples.read_sources(tmp_path / "out") == {"data": str(tmp_path / "data")}

@@ -181,10 +181,35 @@ def test_training_starts_from_weight_files_of_every_precision(network, options, 
 def test_what_is_no_weight_file_is_not_started_from(tmp_path):
     for branch in BRANCHES:
         (tmp_path / f"kpcn-x-{branch}.onnx").write_text("no network")
-    with pytest.raises(ValueError, match=r"not an ONNX file|no weights of a network"):
+    with pytest.raises(ValueError, match=r"kpcn-x-diffuse\.onnx: not an ONNX file"):
         onnx_model.read_denoiser(tmp_path / "kpcn-x-diffuse.onnx")
+    with pytest.raises(ValueError, match=r"kpcn-x-diffuse\.onnx: not an ONNX file"):
+        onnx_model.load_denoiser({"diffuse": tmp_path / "kpcn-x-diffuse.onnx"})
+    with pytest.raises(FileNotFoundError, match=r"kpcn-y-diffuse\.onnx"):
+        onnx_model.read_denoiser(tmp_path / "kpcn-y-specular.onnx")
     with pytest.raises(ValueError, match=r"-diffuse\.onnx or -specular\.onnx"):
         onnx_model.read_denoiser(tmp_path / "weights.onnx")
+
+
+@pytest.mark.parametrize("names", [(), ("encoder.0.0.weight",), ("other.weight",), ("other.bias", "a.weight")])
+def test_an_onnx_file_of_another_network_is_not_started_from(names, tmp_path):
+    weights = [onnx.numpy_helper.from_array(np.zeros((4, 4, 1, 1), np.float32), name) for name in names]
+    model = onnx.helper.make_model(onnx.helper.make_graph([], "other", [], [], weights))
+    for branch in BRANCHES:
+        onnx.save(model, tmp_path / f"other-{branch}.onnx")
+    with pytest.raises(ValueError, match=r"other-diffuse\.onnx: no weights of a network of ours"):
+        onnx_model.read_denoiser(tmp_path / "other-diffuse.onnx")
+
+
+@pytest.mark.parametrize("content", [b"", b"no checkpoint", b"hello world\n" * 9, b"PK\x03\x04", {"step": 1}, [1]])
+def test_what_is_no_checkpoint_is_named(content, tmp_path):
+    path = tmp_path / "x.pt"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        torch.save(content, path)
+    with pytest.raises(ValueError, match=r"x\.pt: not a checkpoint"):
+        Checkpoint.load(path)
 
 
 def test_int8_without_data_says_what_it_needs(tmp_path, capsys):
