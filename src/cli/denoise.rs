@@ -18,8 +18,10 @@ pub(super) fn run(arguments: &Denoise) -> Result<(), Failure> {
         })
         .collect();
     let others = files.iter().map(|file| file.path.as_path());
-    // Only the EXR itself may be denoised in its place.
-    let colour = (arguments.input != arguments.output).then_some(arguments.input.as_path());
+    // Only the EXR itself may be denoised in its place, however it is spelt.
+    let [read, written] =
+        [&arguments.input, &arguments.output].map(|path| path.canonicalize().ok());
+    let colour = (read != written).then_some(arguments.input.as_path());
     output::check_inputs(&arguments.output, others.chain(colour))?;
     let mut contents = exr::read_separate(&arguments.input, &files).bad_input()?;
     // Whatever picture is there will be replaced, and is not kept in memory until then.

@@ -33,7 +33,7 @@ pub(super) fn check(path: &Path, ending: &str) -> Result<(), Failure> {
         .bad_input()
 }
 
-/// Refuses a picture that, or whose PNG, would replace a file that it is made from. An EXR may replace `itself`.
+/// Refuses a picture that, or whose PNG, would replace one of the files that it is made from.
 pub(super) fn check_inputs<'a>(
     path: &Path,
     inputs: impl IntoIterator<Item = &'a Path>,

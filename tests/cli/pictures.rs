@@ -131,7 +131,7 @@ fn what_is_read_is_not_replaced() {
     let after = ["sky.exr", "sky.png"].map(|name| std::fs::read(at(name)).expect("a file"));
     assert!(before == after);
     // In its own place a picture may be denoised.
-    let done = quietlight(&["denoise", "sky.exr", "-o", "sky.exr"], folder.path());
+    let done = quietlight(&["denoise", "./sky.exr", "-o", "sky.exr"], folder.path());
     assert!(done.status.success(), "{}", text(&done.stderr));
 }
 
